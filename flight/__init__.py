@@ -1,0 +1,1 @@
+"""The flight software: what runs on the robot. Imports hal and nothing else of this project."""

@@ -1,0 +1,1 @@
+"""Tools on the ground: recordings, simulation, diagnosis, reports."""

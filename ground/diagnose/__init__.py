@@ -1,0 +1,1 @@
+"""Diagnosis: refit, locate, name, model, verify."""

@@ -1,0 +1,1 @@
+"""The hardware abstraction: device contracts, readings, errors, configuration, boards opened by name."""

@@ -1,0 +1,74 @@
+"""Sensor readings: value, unit (in the field's name) and sample time, immutable.
+
+Times are seconds on the board's clock. Batches hold every sample since the last read, oldest first, as a
+FIFO delivers them; `overrun` says that older samples were lost before this batch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class MotorCurrent:
+    """Motor current, positive while the motor drives towards tension."""
+
+    time_s: float
+    current_a: float
+
+
+@dataclass(frozen=True, slots=True)
+class NutPosition:
+    """Nut travel by the motor's encoder, from its zero at power-up, positive towards tension."""
+
+    time_s: float
+    position_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Switches:
+    """The two end contacts: nut at its home position; string latched (the lock holds the string)."""
+
+    time_s: float
+    at_home: bool
+    latch_closed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SpringCompression:
+    """Batch of spring compression beyond the body's own weight (the paper's f_used)."""
+
+    times_s: tuple[float, ...]
+    compression_m: tuple[float, ...]
+    overrun: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class MagnetCurrent:
+    """Batch of the release magnet's current."""
+
+    times_s: tuple[float, ...]
+    current_a: tuple[float, ...]
+    overrun: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SpecificForce:
+    """Batch of specific force along the leg (what an accelerometer reads: acceleration minus gravity).
+
+    `saturated` marks samples at the end of the sensor's range.
+    """
+
+    times_s: tuple[float, ...]
+    specific_force_m_s2: tuple[float, ...]
+    saturated: tuple[bool, ...] = ()
+    overrun: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class GroundCommand:
+    """A command from the ground link: a name of the command table and its arguments."""
+
+    time_s: float
+    name: str
+    arguments: tuple[tuple[str, float], ...] = ()

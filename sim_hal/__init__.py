@@ -1,0 +1,1 @@
+"""The simulated robot: plant physics, and simulated devices on top of it."""

@@ -1,0 +1,1 @@
+"""The physics: plant structures, effects, and the engine that integrates them."""
