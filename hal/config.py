@@ -14,13 +14,16 @@ import types
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import yaml
 
 from hal.errors import ConfigError
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ def config_root() -> Path:
 
 
 def config_path(*parts: str) -> Path:
-    """Path of one configuration file, e.g. `config_path("boards", "sim.yaml")`. Raises `ConfigError` if absent."""
+    """Path of one file, e.g. `config_path("boards", "sim.yaml")`. Raises `ConfigError` if absent."""
     path = config_root().joinpath(*parts)
     if not path.is_file():
         raise ConfigError(f"{path}: no such configuration file")
@@ -71,7 +74,7 @@ class StrictLoader(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[object] = set()
         for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)  # type: ignore[no-untyped-call]
+            key = self.construct_object(key_node, deep=True)
             if key in seen:
                 raise yaml.constructor.ConstructorError(
                     None, None, f"key {key!r} stands twice", key_node.start_mark

@@ -1,7 +1,7 @@
 """The Raspberry Pi board.
 
-The name exists so that a mission can only ever be flown on what was asked for. This release carries no driver
-for the robot's parts, so opening it always refuses; it never hands out something that only looks like a board.
+The name exists so that a mission can only ever be flown on what was asked for. This release carries no
+driver for the robot's parts, so opening it always refuses; it never hands out what only looks like a board.
 """
 
 from __future__ import annotations
@@ -16,6 +16,6 @@ from hal.errors import BoardUnavailable
 def open_raspberry_pi(settings: Mapping[str, Any]) -> Board:
     """Refuse, and say what is lacking."""
     raise BoardUnavailable(
-        "board 'raspberry_pi': the drivers for the motor controller, magnet, encoder, current sensors, spring "
-        "sensor and accelerometer are not part of this release; fly the simulation by name with --board sim"
+        "board 'raspberry_pi': the drivers for the motor controller, magnet, encoder, current sensors, "
+        "spring sensor and accelerometer are not part of this release; fly the simulation by name with --board sim"
     )
