@@ -128,7 +128,7 @@ def _convert(value: Any, hint: Any, source: str, key: str) -> Any:
         if value is None and type(None) in get_args(hint):
             return None
         hint = next(option for option in get_args(hint) if option is not type(None))
-    if dataclasses.is_dataclass(hint):
+    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         return build_settings(value, hint, source, key + ".")
     if get_origin(hint) is tuple:
         if not isinstance(value, list):

@@ -17,5 +17,6 @@ def open_raspberry_pi(settings: Mapping[str, Any]) -> Board:
     """Refuse, and say what is lacking."""
     raise BoardUnavailable(
         "board 'raspberry_pi': the drivers for the motor controller, magnet, encoder, current sensors, "
-        "spring sensor and accelerometer are not part of this release; fly the simulation by name with --board sim"
+        "spring sensor and accelerometer are not part of this release; to fly the simulation, name it: "
+        "--board sim"
     )
