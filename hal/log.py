@@ -7,7 +7,14 @@ affair. It must not influence what it records: no sink may change, drop or reord
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Protocol
+
+from hal.errors import HalError
+
+
+class LogError(HalError, ValueError):
+    """A message cannot be recorded, or a record cannot be read. The message says which and why."""
 
 
 class LogSink(Protocol):
@@ -21,8 +28,29 @@ class LogSink(Protocol):
         """
 
 
+@dataclass(frozen=True, slots=True)
+class LogMessage:
+    """One recorded message; `sequence` counts the messages of a log from 0."""
+
+    sequence: int
+    topic: str
+    time_s: float
+    payload: Mapping[str, Any]
+
+
 class NullLog:
     """Records nothing."""
 
     def write(self, topic: str, time_s: float, payload: Mapping[str, Any]) -> None:
         """Forget the message."""
+
+
+class MemoryLog:
+    """Keeps the messages as they are handed over, in `messages`."""
+
+    def __init__(self) -> None:
+        self.messages: list[LogMessage] = []
+
+    def write(self, topic: str, time_s: float, payload: Mapping[str, Any]) -> None:
+        """Keep the message."""
+        self.messages.append(LogMessage(len(self.messages), topic, time_s, payload))

@@ -1,0 +1,66 @@
+"""A tap on a board: everything that passes between flight software and devices goes on record.
+
+Each call is written to the log with its arguments and its result, or the error it raised, after the device
+has acted and before the caller learns of it. Together with the settings this is all that can influence the
+flight software, so a recorded mission can be flown again from its log (`hal.replay`).
+
+A call is written to the topic of its device (the name of the field of `Board`) as
+`{"method": ..., "arguments": {...}, "result": ...}`, or with `"error": {"types": [...], "message": ...}` in
+place of the result. A property is a method without arguments, a reading the mapping of its fields.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from hal.board import Board
+from hal.calls import Call, ContractDevice, board_calls, to_plain
+from hal.log import LogSink
+
+
+def tap_board(board: Board, log: LogSink) -> Board:
+    """A board that does what `board` does and writes every call to `log`.
+
+    What cannot be recorded raises the log's error to the caller, after the device has acted.
+    """
+    recorder = _Recorder(log)
+    devices: dict[str, Any] = {
+        name: ContractDevice(calls, recorder.around(getattr(board, name)))
+        for name, calls in board_calls().items()
+    }
+    return Board(name=board.name, **devices)
+
+
+class _Recorder:
+    """Writes calls to the log, dated by the last time that the clock gave out (it is not asked for more)."""
+
+    def __init__(self, log: LogSink) -> None:
+        self._log = log
+        self._time_s = 0.0
+
+    def around(self, device: Any) -> Callable[[Call, dict[str, Any]], Any]:
+        """What lets `device` answer a call and records it."""
+        return lambda call, arguments: self._record(device, call, arguments)
+
+    def _record(self, device: Any, call: Call, arguments: dict[str, Any]) -> Any:
+        try:
+            member = getattr(device, call.method)
+            result = member if call.is_property else member(**arguments)
+        except BaseException as error:  # an interrupt ends the flight too: it belongs on record
+            self._write(call, arguments, "error", describe_error(error))
+            raise
+        if call.device == "clock":
+            self._time_s = max(self._time_s, result if result is not None else arguments["time_s"])
+        self._write(call, arguments, "result", to_plain(result))
+        return result
+
+    def _write(self, call: Call, arguments: dict[str, Any], outcome: str, value: Any) -> None:
+        payload = {"method": call.method, "arguments": arguments, outcome: value}
+        self._log.write(call.device, self._time_s, payload)
+
+
+def describe_error(error: BaseException) -> dict[str, Any]:
+    """Names of an error's classes, most special first, and its message."""
+    types = [cls.__name__ for cls in type(error).__mro__ if cls not in (object, BaseException)]
+    return {"types": types, "message": str(error)}
