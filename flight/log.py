@@ -1,0 +1,130 @@
+"""The on-board log: an MCAP file, a topic for each device and each kind of decision.
+
+Messages are JSON objects with a JSON schema, so that the field's viewers open and plot the file as it is.
+Each carries its exact time in `log_time_s` beside its payload (the container's own stamps are whole
+nanoseconds), and its place in the run as the container's sequence number. What the run was flown with
+(settings, mission, board, seed) stands in a metadata record named `METADATA_NAME` at the start of the file.
+
+A chunk is handed to the operating system as soon as it is full: when the software dies, at most
+64 KiB of messages (about a third of a second in flight) are lost. Only `close` forces the file to
+the medium, because waiting for a memory card would make the 200 Hz tick late; a loss of power may therefore
+cost what the system has not written back yet.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+from flight.mcap_stream import TIME_FIELD, McapWriter, read_mcap
+from hal.log import LogError, LogMessage
+
+METADATA_NAME = "hopper"
+
+
+class McapLog:
+    """Writes the messages of one run to a new MCAP file. Use as a context manager, or call `close`."""
+
+    def __init__(self, path: Path, metadata: Mapping[str, str]) -> None:
+        """Create the file. `metadata` is text by name: settings and mission as YAML, board, seed.
+
+        Raises `LogError` when the file exists already or cannot be created.
+        """
+        try:
+            self._file: IO[bytes] = path.open("xb")
+        except FileExistsError as error:
+            raise LogError(f"{path}: exists already; a log is never overwritten") from error
+        except OSError as error:
+            raise LogError(f"{path}: cannot be created ({error.strerror})") from error
+        self._path = path
+        self._writer = McapWriter(self._file)
+        self._writer.add_metadata(METADATA_NAME, dict(metadata))
+        self._file.flush()
+        self._sequence = 0
+
+    def write(self, topic: str, time_s: float, payload: Mapping[str, Any]) -> None:
+        """Record one message (see `hal.log.LogSink`).
+
+        Raises `LogError` for a value that JSON cannot keep exactly (NaN, infinity, an unknown type).
+        """
+        if TIME_FIELD in payload:
+            raise LogError(f"message {self._sequence} ({topic}): {TIME_FIELD} is the log's own field")
+        try:
+            data = _encode({TIME_FIELD: time_s, **payload})
+            self._writer.write(topic, time_s, payload, data, self._sequence)
+        except (TypeError, ValueError, OSError) as error:
+            raise LogError(f"{self._path}: message {self._sequence} ({topic}): {error}") from error
+        self._sequence += 1
+
+    def close(self) -> None:
+        """Complete the file and force it to the medium. May be called again."""
+        if self._file.closed:
+            return
+        try:
+            self._writer.finish()
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise LogError(f"{self._path}: cannot be completed ({error.strerror})") from error
+        finally:
+            self._file.close()
+
+    def __enter__(self) -> McapLog:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+_encode_text = json.JSONEncoder(allow_nan=False, check_circular=False, separators=(",", ":")).encode
+
+
+def _encode(message: Mapping[str, Any]) -> bytes:
+    return _encode_text(message).encode()
+
+
+@dataclass(frozen=True)
+class FlightLog:
+    """A log read back; `damage` says in words what is lost of it, and is empty when nothing is."""
+
+    path: Path
+    metadata: Mapping[str, str]
+    messages: tuple[LogMessage, ...]
+    damage: str
+
+
+def read_log(path: Path, recover: bool = False) -> FlightLog:
+    """Read a log; with `recover`, what is whole of a log that was cut or damaged.
+
+    Raises `LogError` naming file and place when it is cut or damaged (without `recover`), holds no message
+    readable as this log's, or was not written by `McapLog`.
+    """
+    content = read_mcap(path, recover)
+    if METADATA_NAME not in content.metadata:
+        raise LogError(f"{path}: has no metadata record {METADATA_NAME!r}, so it is no log of this software")
+    messages: list[LogMessage] = []
+    damage = content.damage
+    try:
+        for message in content.messages:
+            messages.append(_decode(len(messages), *message))
+    except LogError as error:
+        if not recover:
+            raise LogError(f"{path}: {error}") from error
+        damage = str(error)
+    return FlightLog(path, content.metadata[METADATA_NAME], tuple(messages), damage)
+
+
+def _decode(index: int, topic: str, sequence: int, _time_ns: int, data: bytes) -> LogMessage:
+    where = f"message {index} ({topic})"
+    if sequence != index:
+        raise LogError(f"{where}: its sequence number is {sequence}, so messages are missing before it")
+    try:
+        payload = json.loads(data)
+        time_s = float(payload.pop(TIME_FIELD))
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise LogError(f"{where}: is no JSON object with {TIME_FIELD}") from error
+    return LogMessage(sequence, topic, time_s, payload)
