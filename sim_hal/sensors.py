@@ -1,0 +1,105 @@
+"""Sampled sensors: sample instants on the sensor's own grid, noise, digital step, range, FIFO.
+
+In this order: white Gaussian noise is added to the true value, the sum is rounded to the step and then
+limited to the range. Each sensor draws from its own substream of the seed, once for each of its sample
+instants: neither reading one sensor nor how the waiting is cut into pieces changes any sensor's noise.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hal.errors import CommandRefused, ReadFailed
+from sim_hal.settings import Mode, SensorSettings
+
+GRID_TOLERANCE_S = 1e-9
+"""A sample instant this little after `now` counts as reached: sums of tick periods round either way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One delivered value."""
+
+    time_s: float
+    value: float
+    saturated: bool
+
+
+class SampledSensor:
+    """One sensor: when it samples, what it makes of the truth, and the samples not yet read."""
+
+    def __init__(self, name: str, settings: SensorSettings, seed: np.random.SeedSequence) -> None:
+        self.name = name
+        self.step = settings.step
+        self._modes = settings.modes
+        self._random = np.random.Generator(np.random.PCG64(seed))
+        self._fifo: deque[Sample] = deque(maxlen=settings.depth)
+        self._latest: Sample | None = None
+        self._overrun = False
+        self._select(settings.modes[0], origin_s=0.0, count=0)
+
+    @property
+    def mode(self) -> Mode:
+        """The rate in force, with its noise and range."""
+        return self._mode
+
+    def set_rate_hz(self, rate_hz: float, now_s: float) -> None:
+        """Restart the sample grid at `now_s` with another rate; `CommandRefused` for one it does not have."""
+        for mode in self._modes:
+            if mode.rate_hz == rate_hz:
+                self._select(mode, origin_s=now_s, count=1)
+                return
+        known = ", ".join(f"{mode.rate_hz:g}" for mode in self._modes)
+        raise CommandRefused(f"{self.name}: rate {rate_hz!r} Hz is not one of the part's rates: {known}")
+
+    def _select(self, mode: Mode, origin_s: float, count: int) -> None:
+        self._mode = mode
+        self._origin_s = origin_s
+        self._count = count
+
+    def due(self, now_s: float) -> list[float]:
+        """Take the sample instants reached by `now_s` [s]; each is handed out once, oldest first."""
+        instants: list[float] = []
+        while (instant := self._origin_s + self._count / self._mode.rate_hz) <= now_s + GRID_TOLERANCE_S:
+            instants.append(min(instant, now_s))
+            self._count += 1
+        return instants
+
+    def record(self, instants: Sequence[float], truth: Sequence[float], fault: str | None = None) -> None:
+        """Sample true values (same length as `instants`); `fault` says how the sensor is broken, if it is."""
+        if not instants:
+            return
+        mode = self._mode
+        # the noise is drawn even by a broken sensor, so that a fault leaves all later samples as they were
+        values = np.asarray(truth) + mode.noise_std * self._random.standard_normal(len(instants))
+        if fault in ("silent", "fail"):
+            return
+        if self.step > 0.0:
+            values = np.round(values / self.step) * self.step
+        values = np.clip(values, mode.low, mode.high)
+        if fault == "stick" and self._latest is not None:
+            values[:] = self._latest.value
+        for time_s, value in zip(instants, values.tolist(), strict=True):
+            self._append(Sample(time_s, value, not mode.low < value < mode.high))
+
+    def _append(self, sample: Sample) -> None:
+        self._overrun = self._overrun or len(self._fifo) == self._fifo.maxlen
+        self._fifo.append(sample)
+        self._latest = sample
+
+    def drain(self) -> tuple[tuple[Sample, ...], bool]:
+        """All samples since the last call, and whether older ones were lost before them."""
+        batch, overrun = tuple(self._fifo), self._overrun
+        self._fifo.clear()
+        self._overrun = False
+        return batch, overrun
+
+    def latest(self) -> Sample:
+        """The newest sample, however old. Raises `ReadFailed` when there was none yet."""
+        if self._latest is None:
+            raise ReadFailed(f"{self.name}: no sample yet")
+        return self._latest

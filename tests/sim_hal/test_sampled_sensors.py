@@ -1,0 +1,125 @@
+"""Sampled sensors: grid, noise, step, range, FIFO, faults."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hal.errors import CommandRefused, ReadFailed
+from sim_hal.sensors import SampledSensor
+from sim_hal.settings import Mode, SensorSettings
+
+
+def sensor(
+    *, std: float = 0.0, step: float = 0.0, rate_hz: float = 200.0, high: float = 10.0, depth: int = 10**6
+) -> SampledSensor:
+    modes = (Mode(rate_hz, std, -high, high), Mode(1666.0, std, -high, high))
+    return SampledSensor("probe", SensorSettings(step, depth, modes), np.random.SeedSequence(3))
+
+
+def run(
+    probe: SampledSensor, ends_s: list[float], truth: float = 0.0, fault: str | None = None
+) -> list[float]:
+    """Let time pass in the given pieces with a constant truth; return all values delivered."""
+    for end_s in ends_s:
+        instants = probe.due(end_s)
+        probe.record(instants, [truth] * len(instants), fault)
+    return [sample.value for sample in probe.drain()[0]]
+
+
+def test_noise_has_the_stated_sigma_and_no_memory() -> None:
+    values = np.array(run(sensor(std=0.5, step=0.001), [100.0]))
+    count = len(values)
+    assert count == 20_001
+    # bounds of five standard errors, for a mean, a standard deviation and a correlation of white noise
+    assert abs(values.mean()) < 5 * 0.5 / np.sqrt(count)
+    assert values.std() == pytest.approx(0.5, rel=5 / np.sqrt(2 * count))
+    assert abs(np.corrcoef(values[1:], values[:-1])[0, 1]) < 5 / np.sqrt(count)
+
+
+def test_rounding_follows_the_noise_and_the_range_comes_last() -> None:
+    values = np.array(run(sensor(std=0.05, step=0.25, high=0.6), [50.0], truth=0.55))
+    inside = values[values < 0.6]
+    assert np.allclose(inside / 0.25, np.round(inside / 0.25), atol=1e-12)
+    assert values.max() == 0.6  # 0.75 limited: the limit itself need not lie on a step
+    assert {0.5, 0.6} <= set(values)
+
+
+def test_saturation_is_flagged_at_the_end_of_the_range() -> None:
+    probe = sensor(high=1.0)
+    probe.record([0.0, 0.1, 0.2], [0.5, 3.0, -3.0])
+    assert [sample.saturated for sample in probe.drain()[0]] == [False, True, True]
+
+
+@given(st.lists(st.floats(0.0, 0.2), min_size=1, max_size=20))
+def test_cutting_the_wait_into_pieces_changes_nothing(pieces_s: list[float]) -> None:
+    ends_s = [float(end) for end in np.cumsum(pieces_s)]
+    assert run(sensor(std=1.0), ends_s) == run(sensor(std=1.0), [ends_s[-1]])
+
+
+@pytest.mark.parametrize("rate_hz", [200.0, 208.0, 1666.0])
+def test_instants_lie_on_the_grid_and_none_is_lost(rate_hz: float) -> None:
+    probe = sensor(rate_hz=rate_hz)
+    tick_s, now_s, instants = 0.005, 0.0, []
+    while now_s < 3.0:
+        now_s += tick_s  # as a careless caller would sum it
+        instants += probe.due(now_s)
+    assert np.allclose(instants, np.arange(len(instants)) / rate_hz, rtol=0, atol=2e-9)
+    assert len(instants) == int(now_s * rate_hz + 1e-6) + 1
+
+
+def test_a_new_rate_starts_its_grid_at_once() -> None:
+    probe = sensor()
+    probe.due(0.012)
+    probe.set_rate_hz(1666.0, 0.012)
+    assert probe.due(0.0135) == pytest.approx([0.012 + 1 / 1666, 0.012 + 2 / 1666])
+
+
+def test_unknown_rate_is_refused_and_changes_nothing() -> None:
+    probe = sensor()
+    with pytest.raises(CommandRefused, match=r"1000\.0 Hz .* 200, 1666"):
+        probe.set_rate_hz(1000.0, 0.0)
+    assert probe.mode.rate_hz == 200.0
+
+
+def test_a_full_fifo_loses_the_oldest_and_says_so() -> None:
+    probe = sensor(depth=4)
+    instants = probe.due(0.03)
+    probe.record(instants, list(range(len(instants))))
+    batch, overrun = probe.drain()
+    assert [sample.value for sample in batch] == [3.0, 4.0, 5.0, 6.0]
+    assert overrun
+    probe.record([0.035], [7.0])
+    assert not probe.drain()[1]
+
+
+def test_stuck_sensor_repeats_its_last_value_with_new_times() -> None:
+    probe = sensor()
+    probe.record([0.0], [1.0])
+    probe.record([0.005, 0.010], [2.0, 3.0], "stick")
+    assert [(sample.time_s, sample.value) for sample in probe.drain()[0]] == [
+        (0.0, 1.0),
+        (0.005, 1.0),
+        (0.010, 1.0),
+    ]
+
+
+def test_silent_sensor_keeps_its_old_time() -> None:
+    probe = sensor()
+    probe.record([0.0], [1.0])
+    probe.record([0.005], [2.0], "silent")
+    assert probe.latest().time_s == 0.0
+
+
+def test_a_passing_fault_leaves_later_noise_as_it_was() -> None:
+    healthy, broken = sensor(std=1.0), sensor(std=1.0)
+    expected = run(healthy, [0.1, 0.2])
+    run(broken, [0.1], fault="fail")
+    assert run(broken, [0.2]) == expected[21:]
+
+
+def test_no_sample_yet_is_an_error() -> None:
+    with pytest.raises(ReadFailed, match="probe: no sample yet"):
+        sensor().latest()
