@@ -1,0 +1,19 @@
+"""Start of the `hopper` command: says what to install when the ground tools' libraries are not there."""
+
+from __future__ import annotations
+
+import sys
+
+
+def main() -> None:
+    """Run the command line, or say how to get it."""
+    try:
+        from ground.cli import app  # the ground extra may be absent on a robot
+    except ModuleNotFoundError as error:
+        if error.name and error.name.split(".")[0] in {"flight", "hal", "sim_hal", "ground"}:
+            raise
+        sys.exit(
+            f"hopper: the ground tools need {error.name!r}; install them with: pip install 'hopper-flight[ground]'\n"
+            "On the robot itself, fly with: python -m flight --help"
+        )
+    app()
