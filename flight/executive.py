@@ -1,0 +1,192 @@
+"""The executive: one fixed-rate tick of read, decide, command, record, until the machine is in SAFE."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from flight import hop_machine
+from flight.mission import HopReport, MissionPilot, MissionPlan, MissionResult
+from flight.record import HopRecorder
+from flight.sensing import Senses
+from flight.settings import FlightSettings
+from flight.states import Event, Machine, Outputs, Phase
+from flight.tensioning import energy_used_j
+from hal.board import Board
+from hal.log import LogSink
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """What a watcher is told once a tick."""
+
+    time_s: float
+    phase: Phase
+    hop_index: int
+    energy_used_j: float
+
+
+Watcher = Callable[[Progress], None]
+
+
+def fly(
+    board: Board,
+    settings: FlightSettings,
+    mission: MissionPlan,
+    log: LogSink,
+    watch: Watcher | None = None,
+) -> MissionResult:
+    """Fly the mission from power-up to SAFE and return what came of it.
+
+    Whatever happens, motor and magnet are off when this returns or raises. An unexpected exception, of a
+    device or of the software, ends the mission in SAFE with the reason `exception:TYPE`, and is logged.
+    """
+    executive = _Executive(board, settings, MissionPilot(mission, settings), log)
+    try:
+        while executive.machine.phase is not Phase.SAFE:
+            executive.tick()
+            if watch is not None:
+                watch(executive.progress())
+    except Exception as error:
+        executive.fail(error)
+    finally:
+        executive.outputs_off()
+    return executive.pilot.result(executive.machine)
+
+
+@dataclass
+class _Executive:
+    board: Board
+    settings: FlightSettings
+    pilot: MissionPilot
+    log: LogSink
+    machine: Machine = field(default_factory=Machine)
+    recorder: HopRecorder = field(default_factory=HopRecorder)
+    _senses: Senses = field(init=False)
+    _due_s: float | None = None
+    _stroked_s: float | None = None
+    _hop_rate: bool | None = None
+    _magnet_on: bool = False
+    _now_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._senses = Senses(self.board, self.recorder)
+
+    def tick(self) -> None:
+        """One tick. The watchdog is stroked last: only a tick that went through keeps the power on."""
+        self._now_s = now_s = self.board.clock.now_s()
+        if self._due_s is None:
+            self._start(now_s)
+        late_s = now_s - (self._due_s or now_s)
+        snap, events = self._senses.snapshot(now_s, late_s, self._power_maybe_cut(now_s))
+        if late_s > self.settings.tick.overrun_share * self.settings.tick.period_s:
+            events.append(Event("tick_overrun", "warning", {"late_s": late_s}))
+        commands = self.board.ground_link.receive() + self.pilot.commands(self.machine, now_s)
+        before = self.machine
+        answer = hop_machine.step(before, snap, commands, self.settings)
+        self.machine = answer.machine
+        self._apply(answer.outputs)
+        self._tell(before, (*events, *answer.events), answer.outputs)
+        if self.machine.phase is Phase.ARMED and before.phase is not Phase.ARMED:
+            self.recorder.clear()
+        if answer.outputs.evaluate:
+            self._evaluate()
+        self.board.watchdog.stroke()
+        self._stroked_s = now_s
+        self._wait(now_s)
+
+    def progress(self) -> Progress:
+        energy_j = energy_used_j(max(self.machine.compression_m, 0.0), self.settings.rig)
+        return Progress(self._now_s, self.machine.phase, self.machine.hop_index, energy_j)
+
+    def fail(self, error: Exception) -> None:
+        """Name the exception, and end in SAFE."""
+        self.outputs_off()
+        reason = f"exception:{type(error).__name__}"
+        self._event(Event("fault", "fault", {"reason": reason, "error": str(error)}))
+        self._state(self.machine.phase, Phase.SAFE, reason)
+        self.machine = replace(self.machine, phase=Phase.SAFE, reason=self.machine.reason or reason)
+
+    def outputs_off(self) -> None:
+        """Magnet, then motor; each is tried even if the other fails, and a failure is logged."""
+        for name, switch_off in (
+            ("magnet", self.board.magnet.switch_off),
+            ("motor", lambda: self.board.motor.set_voltage_v(0.0)),
+        ):
+            try:
+                switch_off()
+            except Exception as error:  # the watchdog, no longer stroked, is what is left
+                self._event(Event("actuator_failed", "fault", {"device": name, "error": str(error)}))
+
+    def _start(self, now_s: float) -> None:
+        sensors = self.settings.sensors
+        self.board.accelerometer.set_rate_hz(sensors.accelerometer_rate_hz)
+        self.board.magnet_current.set_rate_hz(sensors.magnet_current_rate_hz)
+        self._due_s = now_s
+        self._stroked_s = now_s
+        self.machine = replace(self.machine, since_s=now_s, moved_s=now_s)
+
+    def _power_maybe_cut(self, now_s: float) -> bool:
+        allowed_s = self.settings.tick.watchdog_margin * self.board.watchdog.timeout_s
+        return self._stroked_s is not None and now_s - self._stroked_s > allowed_s
+
+    def _apply(self, outputs: Outputs) -> None:
+        if outputs.magnet_on != self._magnet_on:
+            (self.board.magnet.switch_on if outputs.magnet_on else self.board.magnet.switch_off)()
+            self._magnet_on = outputs.magnet_on
+        most_v = min(self.board.motor.max_voltage_v, self.settings.drive.max_voltage_v)
+        self.board.motor.set_voltage_v(max(-most_v, min(most_v, outputs.voltage_v)))
+        if outputs.spring_hop_rate != self._hop_rate:
+            sensors = self.settings.sensors
+            rate_hz = sensors.spring_hop_rate_hz if outputs.spring_hop_rate else sensors.spring_drive_rate_hz
+            self.board.spring.set_rate_hz(rate_hz)
+            self._hop_rate = outputs.spring_hop_rate
+
+    def _evaluate(self) -> None:
+        fire_s = self.machine.fire_s
+        assert fire_s is not None
+        report = self.pilot.evaluate(self.recorder.record(fire_s))
+        self.log.write("hop", self._now_s, report.as_payload())
+        self.board.ground_link.send("hop", json.dumps(report.as_payload()))
+
+    def _wait(self, now_s: float) -> None:
+        """Sleep to the next tick of the grid; ticks that were missed are skipped, not caught up."""
+        period_s = self.settings.tick.period_s
+        assert self._due_s is not None
+        self._due_s += period_s * max(1, 1 + int((now_s - self._due_s) / period_s))
+        self.board.clock.sleep_until_s(self._due_s)
+
+    def _tell(self, before: Machine, events: tuple[Event, ...], outputs: Outputs) -> None:
+        for event in events:
+            self._event(event)
+        after = self.machine
+        if after.phase is not before.phase:
+            self._state(before.phase, after.phase, after.reason)
+        self.log.write(
+            "outputs",
+            self._now_s,
+            {
+                "phase": str(after.phase),
+                "voltage_v": outputs.voltage_v,
+                "magnet_on": outputs.magnet_on,
+                "compression_m": after.compression_m,
+                "speed_m_s": after.speed_m_s,
+                "loaded": after.loaded,
+            },
+        )
+
+    def _event(self, event: Event) -> None:
+        payload: dict[str, Any] = {"name": event.name, "severity": event.severity, **event.details}
+        self.log.write("event", self._now_s, payload)
+        if event.severity != "info":
+            self.board.ground_link.send("event", json.dumps(payload))
+
+    def _state(self, old: Phase, new: Phase, reason: str) -> None:
+        payload = {"from": str(old), "to": str(new), "reason": reason, "hop_index": self.machine.hop_index}
+        self.log.write("state", self._now_s, payload)
+        self.board.ground_link.send("state", json.dumps(payload))
+
+
+__all__ = ["HopReport", "Progress", "Watcher", "fly"]

@@ -1,0 +1,69 @@
+"""Reads every sensor once a tick and keeps the newest value of each with its time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+from flight.record import HopRecorder
+from flight.states import Event, Snapshot
+from hal.board import Board
+from hal.errors import ReadFailed
+
+T = TypeVar("T")
+
+
+@dataclass
+class Senses:
+    """The newest readings. A sensor whose read fails keeps its old value *and its old time*: it ages."""
+
+    board: Board
+    recorder: HopRecorder
+    latest: Snapshot = field(default_factory=lambda: Snapshot(0.0))
+    _failing: set[str] = field(default_factory=set)
+
+    def snapshot(self, now_s: float, late_s: float, power_maybe_cut: bool) -> tuple[Snapshot, list[Event]]:
+        """Read all sensors; returns what is known, and an event for each that fails or recovers."""
+        events: list[Event] = []
+        board, old = self.board, self.latest
+        values = {name: getattr(old, name) for name in old.__slots__ if name not in ("time_s", "sampled_s")}
+        sampled = dict(old.sampled_s)
+        motor = self._try("motor_current", board.motor_current.read, events)
+        if motor is not None:
+            values["motor_current_a"], sampled["motor_current"] = motor.current_a, motor.time_s
+        nut = self._try("nut_encoder", board.nut_encoder.read, events)
+        if nut is not None:
+            values["nut_position_m"], sampled["nut_encoder"] = nut.position_m, nut.time_s
+        switches = self._try("switches", board.switches.read, events)
+        if switches is not None:
+            values["at_home"], values["latch_closed"] = switches.at_home, switches.latch_closed
+            sampled["switches"] = switches.time_s
+        spring = self._try("spring", board.spring.read, events)
+        if spring is not None and spring.times_s:
+            values["compression_m"], sampled["spring"] = spring.compression_m[-1], spring.times_s[-1]
+        magnet = self._try("magnet_current", board.magnet_current.read, events)
+        if magnet is not None and magnet.times_s:
+            values["magnet_current_a"], sampled["magnet_current"] = magnet.current_a[-1], magnet.times_s[-1]
+        force = self._try("accelerometer", board.accelerometer.read, events)
+        if force is not None and force.times_s:
+            newest = force.specific_force_m_s2
+            values["specific_force_m_s2"], sampled["accelerometer"] = newest[-1], force.times_s[-1]
+            values["specific_force_low_m_s2"], values["specific_force_high_m_s2"] = min(newest), max(newest)
+        self.recorder.add(force, spring, magnet)
+        values["tick_late_s"], values["power_maybe_cut"] = late_s, power_maybe_cut
+        self.latest = Snapshot(time_s=now_s, sampled_s=sampled, **values)
+        return self.latest, events
+
+    def _try(self, name: str, read: Callable[[], T], events: list[Event]) -> T | None:
+        try:
+            reading = read()
+        except ReadFailed as error:
+            if name not in self._failing:
+                events.append(Event("read_failed", "warning", {"sensor": name, "error": str(error)}))
+            self._failing.add(name)
+            return None
+        if name in self._failing:
+            self._failing.discard(name)
+            events.append(Event("read_recovered", "info", {"sensor": name}))
+        return reading

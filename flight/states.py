@@ -1,0 +1,166 @@
+"""The vocabulary of the hop state machine: phases, what it is told each tick, what it answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+
+class Phase(StrEnum):
+    """Where the robot is between power-up and the evaluated hop."""
+
+    POWER_UP = "power_up"
+    SELF_TEST = "self_test"
+    HOMING = "homing"
+    LATCH_CHECK = "latch_check"
+    READY = "ready"
+    TENSIONING = "tensioning"
+    HOLD = "hold"
+    ARMED = "armed"
+    FIRING = "firing"
+    FLIGHT = "flight"
+    LANDED = "landed"
+    EVALUATE = "evaluate"
+    DE_TENSION = "de_tension"
+    SAFE = "safe"
+
+
+_ALWAYS = frozenset({Phase.DE_TENSION, Phase.SAFE})
+
+# Phases that may follow each phase (besides staying). DE_TENSION and SAFE may follow any.
+TRANSITIONS: dict[Phase, frozenset[Phase]] = {
+    Phase.POWER_UP: frozenset({Phase.SELF_TEST}) | _ALWAYS,
+    Phase.SELF_TEST: frozenset({Phase.HOMING}) | _ALWAYS,
+    Phase.HOMING: frozenset({Phase.LATCH_CHECK}) | _ALWAYS,
+    Phase.LATCH_CHECK: frozenset({Phase.READY}) | _ALWAYS,
+    Phase.READY: frozenset({Phase.TENSIONING}) | _ALWAYS,
+    Phase.TENSIONING: frozenset({Phase.HOLD}) | _ALWAYS,
+    Phase.HOLD: frozenset({Phase.ARMED}) | _ALWAYS,
+    Phase.ARMED: frozenset({Phase.HOLD, Phase.FIRING}) | _ALWAYS,
+    Phase.FIRING: frozenset({Phase.FLIGHT}) | _ALWAYS,
+    Phase.FLIGHT: frozenset({Phase.LANDED}) | _ALWAYS,
+    Phase.LANDED: frozenset({Phase.EVALUATE}) | _ALWAYS,
+    Phase.EVALUATE: frozenset({Phase.HOMING}) | _ALWAYS,
+    Phase.DE_TENSION: frozenset({Phase.LATCH_CHECK, Phase.SAFE}),
+    Phase.SAFE: frozenset(),
+}
+
+SENSORS = ("motor_current", "nut_encoder", "switches", "spring", "magnet_current", "accelerometer")
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The latest reading of every sensor at one tick, each with the time at which it was sampled.
+
+    A time of minus infinity says that the sensor has not delivered yet. Of the streamed sensors the newest
+    sample counts; of the accelerometer also the lowest and highest of the newest batch.
+    """
+
+    time_s: float
+    motor_current_a: float = 0.0
+    nut_position_m: float = 0.0
+    at_home: bool = False
+    latch_closed: bool = False
+    compression_m: float = 0.0
+    magnet_current_a: float = 0.0
+    specific_force_m_s2: float = 0.0
+    specific_force_low_m_s2: float = 0.0
+    specific_force_high_m_s2: float = 0.0
+    sampled_s: dict[str, float] = field(default_factory=dict)
+    tick_late_s: float = 0.0
+    power_maybe_cut: bool = False
+
+    def age_s(self, sensor: str) -> float:
+        """Age of the sensor's newest sample; infinite if there is none."""
+        return self.time_s - self.sampled_s.get(sensor, float("-inf"))
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """What is to be stored: usable energy and the compression at which the spring stores it."""
+
+    energy_used_j: float
+    compression_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class LineFit:
+    """Running sums of a straight line s(x); used to see that the spring follows the nut."""
+
+    count: int = 0
+    sum_x: float = 0.0
+    sum_s: float = 0.0
+    sum_xx: float = 0.0
+    sum_xs: float = 0.0
+
+    def add(self, x: float, s: float) -> LineFit:
+        return LineFit(
+            self.count + 1, self.sum_x + x, self.sum_s + s, self.sum_xx + x * x, self.sum_xs + x * s
+        )
+
+    @property
+    def slope(self) -> float:
+        """ds/dx; 0 while the points do not spread."""
+        spread = self.count * self.sum_xx - self.sum_x**2
+        return (self.count * self.sum_xs - self.sum_x * self.sum_s) / spread if spread > 0.0 else 0.0
+
+    def crossing(self, slope: float) -> float:
+        """The x at which a line of the given slope through the points' centre has s = 0."""
+        return self.sum_x / self.count - self.sum_s / self.count / slope
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """The whole state of the hop state machine. Positions are the encoder's."""
+
+    phase: Phase = Phase.POWER_UP
+    since_s: float = 0.0
+    hop_index: int = 0
+    loaded: bool = True  # until spring sensor and home switch show otherwise
+    drive_trusted: bool = True
+    reason: str = ""  # why the machine is in SAFE, or will be once the spring is relaxed
+    home_m: float | None = None
+    taut_m: float | None = None
+    target: Target | None = None
+    fire_s: float | None = None
+    voltage_v: float = 0.0
+    mean_current_a: float = 0.0
+    position_m: float | None = None
+    speed_m_s: float = 0.0
+    compression_m: float = 0.0  # spring sensor and encoder, fused
+    moved_s: float = 0.0  # last time at which the nut was seen to follow the voltage
+    over_current_ticks: int = 0
+    unloaded_ticks: int = 0
+    stable_ticks: int = 0
+    quiet_s: float | None = None
+    latch_line: LineFit = LineFit()
+    last_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """What the actuators and sensors shall do from this tick on."""
+
+    voltage_v: float = 0.0
+    magnet_on: bool = False
+    spring_hop_rate: bool = False
+    evaluate: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something worth telling: a name, how bad it is (info, warning, fault) and its particulars."""
+
+    name: str
+    severity: str = "info"
+    details: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """The machine's answer to one tick."""
+
+    machine: Machine
+    outputs: Outputs
+    events: tuple[Event, ...] = ()
