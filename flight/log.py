@@ -123,8 +123,12 @@ def _decode(index: int, topic: str, sequence: int, _time_ns: int, data: bytes) -
     if sequence != index:
         raise LogError(f"{where}: its sequence number is {sequence}, so messages are missing before it")
     try:
-        payload = json.loads(data)
+        payload = json.loads(data, parse_constant=_refuse_constant)
         time_s = float(payload.pop(TIME_FIELD))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise LogError(f"{where}: is no JSON object with {TIME_FIELD}") from error
     return LogMessage(sequence, topic, time_s, payload)
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is no number of JSON")
