@@ -114,7 +114,7 @@ class FaultSettings:
     device: str
     kind: str
     from_s: Annotated[float, NotNegative]
-    until_s: Annotated[float, NotNegative] | None = None
+    until_s: Annotated[float | None, NotNegative] = None
 
 
 @dataclass(frozen=True)

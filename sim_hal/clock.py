@@ -1,0 +1,25 @@
+"""The simulated clock: waiting is what makes the simulated world go on."""
+
+from __future__ import annotations
+
+import math
+
+from hal.errors import CommandRefused
+from sim_hal.rig import Rig
+
+
+class SimClock:
+    """Clock of the simulated board; as fast as the machine can, and the same on each run."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+
+    def now_s(self) -> float:
+        """Simulated seconds since the board was opened."""
+        return self._rig.now_s
+
+    def sleep_until_s(self, time_s: float) -> None:
+        """Advance the world to `time_s`. Raises `CommandRefused` for a time that is not finite."""
+        if not math.isfinite(time_s):
+            raise CommandRefused(f"clock: cannot sleep until {time_s!r} s")
+        self._rig.advance(time_s)

@@ -1,0 +1,194 @@
+"""The physical robot: nut, string, lock, springs, body, leg and soil.
+
+Two plants take turns at the spring. While the lock holds the string the drive's plant says how far it is
+compressed; from the lock's opening until the robot stands still the hop's plant does, started with the
+compression at which the magnet was energised (the few milliseconds until the lock opens count as standing).
+The drive's plant goes on all the time. The lock takes the string again when the nut is at home, the magnet is
+off and the robot at rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from sim_hal.drive import TensioningDrive
+from sim_hal.hop import Hop, standing_reading_m_s2
+from sim_hal.plant.simulate import Plant
+from sim_hal.settings import SimSettings, Spot
+from sim_hal.truth import HopTruth, hop_truth
+
+NUT, CURRENT, SPRING, ACCELERATION, MAGNET = (
+    "nut_position_m",
+    "motor_current_a",
+    "spring_compression_m",
+    "body_acceleration_m_s2",
+    "magnet_current_a",
+)
+
+
+class World:
+    """One robot on its ground. Time [s] goes on with `advance` only; commands hold until the next."""
+
+    def __init__(self, settings: SimSettings, drive: Plant, hop: Plant) -> None:
+        self._settings = settings
+        self._hop_plant = hop
+        self._hop: Hop | None = None
+        self.now_s = 0.0
+        self.voltage_v = 0.0
+        self.magnet_on = False
+        self.latch_closed = settings.initial.latch_closed
+        self.hops: list[HopTruth] = []
+        self._coil = Coil(hop)
+        self._power_up_m = settings.initial.nut_position_m
+        self._drive = TensioningDrive(
+            drive, settings.rig, dict(settings.conditions), self._power_up_m, self.latch_closed
+        )
+        self._standing_m_s2 = standing_reading_m_s2(hop, self.conditions)
+
+    @property
+    def spot(self) -> Spot:
+        """The ground under the present or the next hop."""
+        spots = self._settings.spots
+        return spots[min(len(self.hops), len(spots) - 1)]
+
+    @property
+    def conditions(self) -> dict[str, float | str]:
+        """Conditions of the present or the next hop, as a recording's sidecar states them."""
+        earlier = 0
+        while earlier < len(self.hops) and self.hops[-1 - earlier].spot == self.spot:
+            earlier += 1
+        spot = self.spot
+        return {
+            **self._settings.conditions,
+            "surface": spot.surface,
+            "foot": float(spot.foot),
+            "tilt_deg": spot.tilt_deg,
+            "hop_index": float(earlier),
+        }
+
+    @property
+    def nut_position_m(self) -> float:
+        """True travel of the nut from where the latched string is just taut."""
+        return self._drive.position_m
+
+    @property
+    def spring_compression_m(self) -> float:
+        """True compression of the springs beyond the body's own weight."""
+        if self._hop is not None and self._hop.opened:
+            return self._hop.outputs[SPRING]
+        return self._drive.spring_compression_m
+
+    @property
+    def at_home(self) -> bool:
+        """Whether the nut presses the home switch."""
+        return self._drive.position_m <= self._settings.rig.home_position_m
+
+    def set_voltage_v(self, voltage_v: float) -> None:
+        """Apply a voltage to the motor from now on."""
+        self.voltage_v = voltage_v
+
+    def set_magnet(self, on: bool) -> None:
+        """Energise the magnet, or take its supply, from now on."""
+        if on == self.magnet_on:
+            return
+        self.magnet_on = on
+        self._coil.switch(on, self.now_s, self._magnet_current_a(self.now_s))
+        if on and self.latch_closed and self._hop is None:
+            self._compression_m = self._drive.spring_compression_m
+            self._hop = Hop(
+                self._hop_plant, self.conditions, self._compression_m, self.now_s, self._settings.rest
+            )
+        elif not on and self._hop is not None and not self._hop.opened:
+            self._hop = None  # the lock has not let go: nothing has happened
+
+    def advance(self, to_s: float, wanted: Mapping[str, Sequence[float]]) -> dict[str, list[float]]:
+        """Go on until `to_s` [s]; returns for each channel its true values at the wanted instants.
+
+        Instants lie between the last advance and `to_s`, oldest first.
+        """
+        moving = set(wanted) if self._hop is not None else {NUT, CURRENT, SPRING}
+        instants = sorted({to_s}.union(*(wanted[channel] for channel in moving)))
+        seen = {instant: self._look(instant) for instant in instants}
+        truth = {
+            channel: [seen[instant][channel] for instant in times]
+            for channel, times in wanted.items()
+            if channel in moving
+        }
+        if ACCELERATION not in truth:
+            truth[ACCELERATION] = [self._standing_m_s2] * len(wanted[ACCELERATION])
+        if MAGNET not in truth:
+            truth[MAGNET] = [self._coil.current_a(instant) for instant in wanted[MAGNET]]
+        self._end_hop_at_rest()
+        self._close_latch_at_home()
+        return truth
+
+    def _look(self, at_s: float) -> dict[str, float]:
+        """Let time pass until `at_s` and read all channels."""
+        if at_s > self.now_s:
+            self._drive.advance(at_s - self.now_s, self.voltage_v)
+            if self._hop is not None:
+                self._hop.advance(at_s)
+                if self._hop.opened and self.latch_closed:
+                    self.latch_closed = False
+                    self._drive.let_go()
+            self.now_s = at_s
+        flying = self._hop is not None and self._hop.opened
+        return {
+            NUT: self._drive.position_m - self._power_up_m,
+            CURRENT: self._drive.current_a,
+            SPRING: self.spring_compression_m,
+            ACCELERATION: self._hop.outputs[ACCELERATION] if self._hop and flying else self._standing_m_s2,
+            MAGNET: self._magnet_current_a(at_s),
+        }
+
+    def _magnet_current_a(self, at_s: float) -> float:
+        """The plant's own current while its magnet rises; the coil's once the supply was taken."""
+        if self._hop is not None and self.magnet_on and self._hop.start_s == self._coil.since_s:
+            return self._hop.outputs[MAGNET]
+        return self._coil.current_a(at_s)
+
+    def _end_hop_at_rest(self) -> None:
+        hop = self._hop
+        if hop is None or not hop.at_rest:
+            return
+        truth = hop_truth(
+            self._hop_plant,
+            self.conditions,
+            self._compression_m,
+            hop=len(self.hops),
+            spot=self.spot,
+            fire_s=hop.start_s,
+        )
+        self.hops.append(truth)
+        self._hop = None
+        self._standing_m_s2 = standing_reading_m_s2(self._hop_plant, self.conditions)
+
+    def _close_latch_at_home(self) -> None:
+        if self.at_home and not self.magnet_on and not self.latch_closed and self._hop is None:
+            self.latch_closed = True
+            self._drive.hold_string()
+
+
+class Coil:
+    """The magnet's coil between two switchings: L di/dt = u − R i, solved exactly."""
+
+    def __init__(self, hop: Plant) -> None:
+        resistance_ohm, inductance_h, supply_v = (
+            hop.parameters[name].value for name in ("R_em", "L_em", "u_em")
+        )
+        self._full_a = supply_v / resistance_ohm
+        self._time_constant_s = inductance_h / resistance_ohm
+        self._goal_a = self._start_a = 0.0
+        self.since_s = 0.0
+
+    def switch(self, on: bool, at_s: float, current_a: float) -> None:
+        """Apply or take the supply, at a given current."""
+        self._goal_a = self._full_a if on else 0.0
+        self._start_a = current_a
+        self.since_s = at_s
+
+    def current_a(self, at_s: float) -> float:
+        """Current at a time after the last switching."""
+        left = math.exp(-(at_s - self.since_s) / self._time_constant_s)
+        return self._goal_a + (self._start_a - self._goal_a) * left
