@@ -1,0 +1,317 @@
+"""A plant's structure and its effects, put together into one set of equations.
+
+Effects are taken in the order of their flat names, whatever their order in the file, and a port's value is
+(its own value) · factors + terms, so that the result does not depend on who was added first.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+from sim_hal.plant.effects import catalogue
+from sim_hal.plant.effects.base import Form
+from sim_hal.plant.expressions import ExpressionError, Name, Node, Num, Op, add, multiply, parse, rename
+from sim_hal.plant.plant import EffectUse, Plant, check_use
+from sim_hal.plant.structure import Balance, Definition, Memory, PlantError, State, Structure, unit_text
+from sim_hal.plant.units import (
+    INVERSE,
+    PURE,
+    Dimension,
+    UnitError,
+    channel_unit,
+    check_unit,
+    dimension,
+    times,
+    unit_of,
+)
+
+
+@dataclass(frozen=True)
+class Element:
+    """A set-valued friction element; off while all parameters in `strengths` are 0 (never, where it is None)."""
+
+    velocity: Node
+    per_force: Mapping[str, Node]
+    forward: Node
+    backward: Node
+    strengths: tuple[str, ...] | None
+
+
+@dataclass(frozen=True)
+class Model:
+    """Equations with all effects in them; `strengths` of the internal states of effects, `delays` by channel."""
+
+    structure: Structure
+    parameters: tuple[str, ...]
+    states: Mapping[str, State]
+    rates: Mapping[str, Node]
+    definitions: Mapping[str, Node]
+    memories: Mapping[str, Memory]
+    elements: tuple[Element, ...]
+    outputs: Mapping[str, Node]
+    strengths: Mapping[str, tuple[str, ...]]
+    delays: Mapping[str, Node]
+
+
+@dataclass
+class _Additions:
+    """What the effects bring, collected before it is put into the equations."""
+
+    forces: dict[str, list[Node]] = field(default_factory=dict)
+    inertias: dict[str, list[Node]] = field(default_factory=dict)
+    dry: list[tuple[Balance, Node, Node, tuple[str, ...] | None]] = field(default_factory=list)
+    terms: dict[str, list[Node]] = field(default_factory=dict)
+    factors: dict[str, list[Node]] = field(default_factory=dict)
+    states: dict[str, State] = field(default_factory=dict)
+    rates: dict[str, Node] = field(default_factory=dict)
+    memories: dict[str, Memory] = field(default_factory=dict)
+    strengths: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    faults: dict[str, list[tuple[int, str, Node]]] = field(default_factory=dict)
+    delays: dict[str, list[Node]] = field(default_factory=dict)
+
+
+MISSING_FORCE = "missing_force"
+
+
+def compose(plant: Plant, missing_force: str | None = None) -> Model:
+    """All equations of a plant with its effects; raises `PlantError`.
+
+    `missing_force` names a balance that gets a constant unknown force, a state of that name.
+    """
+    structure = plant.structure
+    found = _Additions()
+    for friction in structure.friction:
+        balance = structure.balances[friction.balance]
+        found.dry.append((balance, friction.forward, friction.backward, None))
+    for use in sorted(plant.effects, key=plant.prefix):
+        _collect(plant, use, check_use(plant, use), found)
+    if missing_force is not None:
+        _missing(plant, missing_force, found)
+    definitions = {name: _port(name, item, found) for name, item in structure.definitions.items()}
+    inertia = {name: _inertia(structure.balances[name], parts) for name, parts in found.inertias.items()}
+    return Model(
+        structure=structure,
+        parameters=tuple(plant.flat()),
+        states={**structure.states, **found.states},
+        rates=_rates(structure, found, inertia),
+        definitions=definitions,
+        memories={**structure.memories, **found.memories},
+        elements=_elements(found, inertia),
+        outputs={
+            channel: _faulty(node, found.faults.get(channel, []))
+            for channel, node in structure.outputs.items()
+        },
+        strengths=found.strengths,
+        delays={channel: add(*parts) for channel, parts in found.delays.items()},
+    )
+
+
+def _collect(plant: Plant, use: EffectUse, form: Form, found: _Additions) -> None:
+    """Add one effect, its symbols replaced by the plant's."""
+    effect = catalogue()[use.physics_id]
+    balance = plant.balance(effect, use.equation)
+    prefix = plant.prefix(use)
+    translate = _translator(plant, use, form, balance)
+    strengths = tuple(f"{prefix}.{item.name}" for item in form.parameters if item.strength)
+    _check_formulas(plant, use, form)
+    for name, state in form.states.items():
+        own = f"{prefix}.{name}"
+        found.states[own] = State(state.unit, translate(state.initial))
+        found.rates[own] = translate(state.rate)
+        found.strengths[own] = strengths
+    for name, memory in form.memories.items():
+        upper = None if memory.upper is None else translate(memory.upper)
+        own = f"{prefix}.{name}"
+        found.memories[own] = Memory(memory.unit, translate(memory.lower), upper, translate(memory.initial))
+        found.strengths[own] = strengths
+    for ports, additions in ((form.terms, found.terms), (form.factors, found.factors)):
+        for port, text in ports.items():
+            additions.setdefault(port, []).append(translate(text))
+    if balance is not None:
+        if form.force:
+            found.forces.setdefault(balance.name, []).append(translate(form.force))
+        if form.inertia:
+            found.inertias.setdefault(balance.name, []).append(translate(form.inertia))
+        if form.dry:
+            found.dry.append((balance, translate(form.dry[0]), translate(form.dry[1]), strengths))
+    if use.channel is not None:
+        if form.sensor:
+            fault = (effect.rank, prefix, translate(form.sensor))
+            found.faults.setdefault(use.channel, []).append(fault)
+        if form.delay:
+            found.delays.setdefault(use.channel, []).append(translate(form.delay))
+
+
+def _translator(plant: Plant, use: EffectUse, form: Form, balance: Balance | None) -> Callable[[str], Node]:
+    """Formula text of the effect → node in the plant's symbols."""
+    prefix = plant.prefix(use)
+    own = {item.name for item in form.parameters} | form.states.keys() | form.memories.keys()
+    places = {} if balance is None else _places(plant.structure, balance)
+
+    def symbol(name: str) -> Node:
+        return Name(f"{prefix}.{name}") if name in own else places.get(name, Name(name))
+
+    return lambda text: rename(parse(text), symbol)
+
+
+def _places(structure: Structure, balance: Balance) -> dict[str, Node]:
+    """What v, x and load mean in a balance."""
+    load = balance.load
+    if load is None and len(balance.per_force) == 1:
+        state, per_force = next(iter(balance.per_force.items()))
+        load = Op("/", (structure.rates[state], per_force))
+    found = {"v": balance.velocity, "x": balance.position, "load": load}
+    return {name: node for name, node in found.items() if node is not None}
+
+
+def place_units(plant: Plant, use: EffectUse, form: Form) -> dict[str, str]:
+    """Unit of each of the effect's parameters at its place; raises `PlantError` where it does not fit."""
+    effect = catalogue()[use.physics_id]
+    tokens = _unit_tokens(plant, use, plant.balance(effect, use.equation))
+    found = {}
+    for item in form.parameters:
+        text = re.sub(r"[a-z_]+", lambda match: tokens.get(match[0], match[0]), item.unit)
+        if text == item.unit:
+            found[item.name] = text
+            continue
+        try:
+            found[item.name] = unit_text(dimension(text))
+        except UnitError as error:
+            raise PlantError(f"{plant.source}: effects: {use.physics_id}.{item.name}: {error}") from None
+    return found
+
+
+def _unit_tokens(plant: Plant, use: EffectUse, balance: Balance | None) -> dict[str, str]:
+    tokens = {}
+    symbols = plant.structure.units()
+    if balance is not None:
+        tokens["force"] = f"({balance.unit})"
+        for name, node in (("velocity", balance.velocity), ("position", balance.position)):
+            if node is not None:
+                tokens[name] = f"({unit_text(unit_of(node, symbols) or PURE)})"
+    if use.channel is not None:
+        tokens["channel"] = f"({channel_unit(use.channel)})"
+    return tokens
+
+
+def _check_formulas(plant: Plant, use: EffectUse, form: Form) -> None:
+    """Refuse an effect whose formulas do not have the unit of their place."""
+    effect = catalogue()[use.physics_id]
+    balance = plant.balance(effect, use.equation)
+    symbols = _effect_symbols(plant, use, form, balance)
+    force = dimension(balance.unit) if balance is not None else PURE
+    definitions = plant.structure.definitions
+    expected: list[tuple[str | None, Dimension]] = [(form.force, force)]
+    expected += [(text, force) for text in form.dry or ()]
+    expected += [(text, dimension(definitions[port].unit)) for port, text in form.terms.items()]
+    expected += [(text, PURE) for text in form.factors.values()]
+    second = dimension("s")
+    expected += [(item.rate, times(dimension(item.unit), second, INVERSE)) for item in form.states.values()]
+    if use.channel is not None:
+        expected += [(form.sensor, dimension(channel_unit(use.channel))), (form.delay, second)]
+    for text, unit in expected:
+        try:
+            if text is not None:
+                check_unit(parse(text), symbols, unit)
+        except ExpressionError as error:
+            raise PlantError(f"{plant.source}: effects: {use.physics_id}: {error}") from None
+
+
+def _effect_symbols(
+    plant: Plant, use: EffectUse, form: Form, balance: Balance | None
+) -> dict[str, Dimension]:
+    symbols = plant.structure.units()
+    if balance is not None:
+        places = _places(plant.structure, balance)
+        symbols = symbols | {name: unit_of(node, symbols) or PURE for name, node in places.items()}
+    if use.channel is not None:
+        symbols["y"] = dimension(channel_unit(use.channel))
+    symbols |= {name: dimension(unit) for name, unit in place_units(plant, use, form).items()}
+    symbols |= {name: dimension(item.unit) for name, item in form.states.items()}
+    return symbols | {name: dimension(item.unit) for name, item in form.memories.items()}
+
+
+def _missing(plant: Plant, name: str, found: _Additions) -> None:
+    """A constant unknown force in a balance, as a state."""
+    if name not in plant.structure.balances:
+        known = ", ".join(plant.structure.balances)
+        raise PlantError(
+            f"{plant.source}: {name!r} is no balance that a missing force may enter; known: {known}"
+        )
+    balance = plant.structure.balances[name]
+    found.states[MISSING_FORCE] = State(balance.unit, Num(0.0))
+    found.rates[MISSING_FORCE] = Num(0.0)
+    if balance.port is not None:
+        found.terms.setdefault(balance.port, []).append(Name(MISSING_FORCE))
+    else:
+        found.forces.setdefault(name, []).append(Name(MISSING_FORCE))
+
+
+def _port(name: str, definition: Definition, found: _Additions) -> Node:
+    scaled = multiply(definition.value, *found.factors.get(name, []))
+    return add(scaled, *found.terms.get(name, []))
+
+
+def _inertia(balance: Balance, parts: list[Node]) -> dict[str, Node]:
+    """By state, what the rate is divided by: 1 + added inertia · per_force."""
+    return {
+        state: add(Num(1.0), multiply(add(*parts), per_force))
+        for state, per_force in balance.per_force.items()
+    }
+
+
+def _divided(node: Node, divisors: list[Node]) -> Node:
+    return Op("/", (node, multiply(*divisors))) if divisors else node
+
+
+def _rates(
+    structure: Structure, found: _Additions, inertia: Mapping[str, Mapping[str, Node]]
+) -> dict[str, Node]:
+    """Rates with all forces added, then divided where inertia was added."""
+    rates = dict(structure.rates)
+    for name in structure.balances:
+        for state, per_force in structure.balances[name].per_force.items():
+            for force in found.forces.get(name, []):
+                rates[state] = add(rates[state], multiply(per_force, force))
+    for state in rates:
+        rates[state] = _divided(rates[state], _divisors(inertia, state))
+    return rates | found.rates
+
+
+def _divisors(inertia: Mapping[str, Mapping[str, Node]], state: str) -> list[Node]:
+    return [parts[state] for parts in inertia.values() if state in parts]
+
+
+def _elements(found: _Additions, inertia: Mapping[str, Mapping[str, Node]]) -> tuple[Element, ...]:
+    """Friction elements, those with the same relative velocity and the same effect merged."""
+    merged: dict[tuple[object, ...], Element] = {}
+    for balance, forward, backward, strengths in found.dry:
+        if balance.velocity is None:
+            raise PlantError(f"balance {balance.name}: dry friction needs a velocity")
+        per_force = {
+            state: _divided(node, _divisors(inertia, state)) for state, node in balance.per_force.items()
+        }
+        key = (balance.velocity, *per_force.items())
+        if key not in merged:
+            merged[key] = Element(balance.velocity, per_force, forward, backward, strengths)
+            continue
+        old = merged[key]
+        both = None if old.strengths is None or strengths is None else (*old.strengths, *strengths)
+        merged[key] = replace(
+            old, forward=add(old.forward, forward), backward=add(old.backward, backward), strengths=both
+        )
+    return tuple(merged.values())
+
+
+def _faulty(node: Node, faults: list[tuple[int, str, Node]]) -> Node:
+    """What a channel reads with its faults, applied in the order of their rank."""
+    for _, _, formula in sorted(faults, key=lambda item: item[:2]):
+        value = node
+
+        def symbol(name: str, value: Node = value) -> Node:
+            return value if name == "y" else Name(name)
+
+        node = rename(formula, symbol)
+    return node

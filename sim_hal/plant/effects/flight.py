@@ -1,0 +1,57 @@
+"""Forces of the air on what moves through it."""
+
+from __future__ import annotations
+
+from sim_hal.plant.effects.base import Effect, EffectParameter, Form
+
+_BALANCES = ("ballistic", "body_momentum", "force_balance")
+
+DRAG_QUADRATIC = Effect(
+    physics_id="aerodynamic_drag_quadratic",
+    equation="ballistic",
+    balances=_BALANCES,
+    says="air drag with the square of speed",
+    sentence="Air drag with the square of speed acts, drag area {cd_a} m² at air density {rho} kg/m³.",
+    citation="Rayleigh's drag equation; S. F. Hoerner, Fluid-Dynamic Drag (1965), ch. 1",
+    forms=(
+        Form(
+            parameters=(
+                EffectParameter("cd_a", "m^2", "0.05", "0", "5", strength=True),
+                EffectParameter("rho", "kg/m^3", "1.2", "1.2", "1.2", constant=True),
+            ),
+            force="-0.5 * rho * cd_a * v * abs(v)",
+        ),
+    ),
+)
+
+DRAG_LINEAR = Effect(
+    physics_id="aerodynamic_drag_linear",
+    equation="ballistic",
+    balances=_BALANCES,
+    says="drag in proportion to speed",
+    sentence="Drag in proportion to speed acts, {d} N per m/s.",
+    citation="G. G. Stokes (1851), drag at low Reynolds number",
+    forms=(
+        Form(
+            parameters=(EffectParameter("d", "N*s/m", "0.02 * F / V", "0", "F / V", strength=True),),
+            force="-d * v",
+        ),
+    ),
+)
+
+BUOYANCY = Effect(
+    physics_id="buoyancy",
+    equation="ballistic",
+    balances=_BALANCES,
+    says="a constant lift by the displaced air, or gravity smaller than modelled",
+    sentence="A constant lift of {B} N acts.",
+    citation="Archimedes' principle",
+    forms=(
+        Form(
+            parameters=(EffectParameter("B", "N", "0.02 * F", "-F", "F", strength=True),),
+            force="B",
+        ),
+    ),
+)
+
+EFFECTS = (DRAG_QUADRATIC, DRAG_LINEAR, BUOYANCY)

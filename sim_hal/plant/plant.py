@@ -1,0 +1,173 @@
+"""A plant: a structure, the values of its parameters, its sensors and the effects added to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from sim_hal.plant.effects import catalogue
+from sim_hal.plant.effects.base import Effect, Form
+from sim_hal.plant.structure import Balance, PlantError, Structure
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A value with its standard uncertainty (0: exact) and unit."""
+
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What is known of a channel: white noise (1σ), step, smallest and largest reading, all in its unit."""
+
+    noise_std: float = 0.0
+    resolution: float | None = None
+    range: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class EffectUse:
+    """An effect at its place: the equation it enters, or the channel of a sensor fault, with parameter values."""
+
+    physics_id: str
+    equation: str
+    channel: str | None
+    parameters: Mapping[str, Parameter]
+
+
+@dataclass(frozen=True)
+class Plant:
+    """Everything that a simulation needs to know of a rig."""
+
+    name: str
+    kind: str
+    structure: Structure
+    parameters: Mapping[str, Parameter]
+    surfaces: Mapping[str, Mapping[str, Parameter]] = field(default_factory=dict)
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)
+    effects: tuple[EffectUse, ...] = ()
+    geometry: str = "vertical"
+    source: str = "plant"
+    #: What the file says of the structure (`kind: equations`), kept for writing it again.
+    document: Mapping[str, object] = field(default_factory=dict)
+
+    def flat(self) -> dict[str, Parameter]:
+        """All parameters by flat name: own ones, `SURFACE.NAME`, `[EQUATION.]EFFECT.NAME`."""
+        found = dict(self.parameters)
+        for surface, values in self.surfaces.items():
+            found |= {f"{surface}.{name}": value for name, value in values.items()}
+        for use in self.effects:
+            prefix = self.prefix(use)
+            found |= {f"{prefix}.{name}": value for name, value in use.parameters.items()}
+        return found
+
+    def prefix(self, use: EffectUse) -> str:
+        """What stands before an effect's own names in flat names."""
+        if use.channel is not None:
+            return f"{use.channel}.{use.physics_id}"
+        return use.physics_id if len(self.structure.balances) < 2 else f"{use.equation}.{use.physics_id}"
+
+    def with_values(self, values: Mapping[str, float], stds: Mapping[str, float] | None = None) -> Plant:
+        """The plant with other values (and uncertainties) of parameters, by flat name; raises `PlantError`."""
+        known = self.flat()
+        for name in (*values, *(stds or {})):
+            if name not in known:
+                raise PlantError(f"{self.source}: no parameter {name!r}; known: {', '.join(known)}")
+
+        def new(name: str, old: Parameter) -> Parameter:
+            return replace(old, value=values.get(name, old.value), std=(stds or {}).get(name, old.std))
+
+        return replace(
+            self,
+            parameters={name: new(name, old) for name, old in self.parameters.items()},
+            surfaces={
+                surface: {name: new(f"{surface}.{name}", old) for name, old in items.items()}
+                for surface, items in self.surfaces.items()
+            },
+            effects=tuple(
+                replace(
+                    use,
+                    parameters={
+                        name: new(f"{self.prefix(use)}.{name}", old) for name, old in use.parameters.items()
+                    },
+                )
+                for use in self.effects
+            ),
+        )
+
+    def with_effect(self, use: EffectUse) -> Plant:
+        """The plant with one more effect; raises `PlantError` where it cannot act."""
+        if any(self.prefix(use) == self.prefix(other) for other in self.effects):
+            raise PlantError(f"{self.source}: effects: {self.prefix(use)} stands there twice")
+        check_use(self, use)
+        return replace(self, effects=(*self.effects, use))
+
+    def without_effects(self) -> Plant:
+        """The plant as it was before any effect was added."""
+        return replace(self, effects=())
+
+    def balance(self, effect: Effect, equation: str) -> Balance | None:
+        """The balance that an effect entering `equation` acts on."""
+        balances = self.structure.balances
+        if effect.balances and equation == effect.equation:
+            return next((balances[name] for name in effect.balances if name in balances), None)
+        return balances.get(equation)
+
+    def form(self, effect: Effect, balance: Balance | None) -> Form | None:
+        """The form in which an effect acts here, or None."""
+        symbols = {*self.structure.units(), *self.structure.known}
+        symbols |= {"load"} if balance is not None and load_of(self.structure, balance) else set()
+        symbols |= {"x"} if balance is not None and balance.position is not None else set()
+        return effect.form(frozenset(symbols))
+
+
+def load_of(structure: Structure, balance: Balance) -> bool:
+    """Whether a balance has a load: its own, or else the force of its only equation."""
+    return balance.load is not None or (balance.port is None and len(balance.per_force) == 1)
+
+
+def find_effect(physics_id: str, source: str) -> Effect:
+    """The effect of the catalogue; raises `PlantError` with the known ones."""
+    effects = catalogue()
+    if physics_id not in effects:
+        raise PlantError(
+            f"{source}: physics_id {physics_id!r} is not known; known: {', '.join(sorted(effects))}"
+        )
+    return effects[physics_id]
+
+
+def check_use(plant: Plant, use: EffectUse) -> Form:
+    """The form in which the effect acts on the plant; raises `PlantError` saying why it cannot."""
+    effect = find_effect(use.physics_id, plant.source)
+    where = f"{plant.source}: effects: {use.physics_id}"
+    if effect.kind == "sensor":
+        if use.channel not in plant.structure.outputs:
+            known = ", ".join(plant.structure.outputs)
+            raise PlantError(f"{where}: channel = {use.channel!r} is no output of the plant; known: {known}")
+        form: Form | None = effect.forms[0]
+    else:
+        balance = plant.balance(effect, use.equation)
+        form = plant.form(effect, balance)
+        if form is not None and (form.force or form.dry or form.inertia) and balance is None:
+            known = ", ".join(plant.structure.balances)
+            raise PlantError(
+                f"{where}: equation = {use.equation!r} is no balance it can enter; known: {known}"
+            )
+    if form is None:
+        raise PlantError(f"{where}: cannot act on a plant of kind {plant.kind} at {use.equation!r}")
+    names = {parameter.name for parameter in form.parameters}
+    if names != set(use.parameters):
+        wrong = sorted(names ^ set(use.parameters))
+        raise PlantError(
+            f"{where}: parameters must be {', '.join(sorted(names))}; look at {', '.join(wrong)}"
+        )
+    return form
+
+
+def duplicates(plant: Plant) -> Iterable[str]:
+    """Prefixes of effects that stand more than once."""
+    prefixes = [plant.prefix(use) for use in plant.effects]
+    return sorted({prefix for prefix in prefixes if prefixes.count(prefix) > 1})

@@ -1,0 +1,97 @@
+"""What drives a simulated run, and the schedule that the engine follows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_hal.plant.engine import Schedule
+from sim_hal.plant.program import Floats
+from sim_hal.plant.structure import Structure
+
+
+class SimulationError(RuntimeError):
+    """A simulation could not be carried out; the message says when and why."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What drives one simulated run; never measured outputs, except through `initial: channel`.
+
+    times_s: (n,), increasing. inputs: each (n,), NaN where a sample is missing. events: seconds on the same clock.
+    known: the sidecar's `state:`. first_samples: (k,) channels whose smoothed start is an initial value.
+    """
+
+    times_s: Floats
+    inputs: Mapping[str, Floats] = field(default_factory=dict)
+    events: Mapping[str, float] = field(default_factory=dict)
+    known: Mapping[str, float] = field(default_factory=dict)
+    conditions: Mapping[str, float | str] = field(default_factory=dict)
+    first_samples: Mapping[str, Floats] = field(default_factory=dict)
+
+
+def check_times(times: Floats) -> None:
+    """Raise `SimulationError` unless the times increase and are finite."""
+    if times.ndim != 1 or len(times) == 0:
+        raise SimulationError("a run needs at least one sample time")
+    if not np.all(np.isfinite(times)) or not np.all(np.diff(times) > 0):
+        raise SimulationError("sample times must be finite and increase")
+
+
+def schedule(structure: Structure, run: Run, flags: tuple[str, ...], samples: Floats) -> Schedule:
+    """Segments between the instants at which inputs or events change the equations."""
+    times = run.times_s
+    events = np.array([run.events.get(name, np.inf) for name in flags], dtype=float)
+    inside = events[(events > times[0]) & (events < times[-1])]
+    every = np.unique(np.concatenate([times if structure.inputs else times[[0, -1]], inside]))
+    values = np.zeros((len(every), len(structure.inputs)))
+    slopes = np.zeros_like(values)
+    for column, (name, spec) in enumerate(structure.inputs.items()):
+        present = _present(run, name)
+        if spec.interpolation == "hold":
+            position = np.searchsorted(times[present], every, side="right") - 1
+            values[:, column] = run.inputs[name][present][np.maximum(position, 0)]
+        else:
+            values[:, column] = np.interp(every, times[present], run.inputs[name][present])
+            slopes[:-1, column] = np.diff(values[:, column]) / np.diff(every)
+    keep = _breaks(every, values, slopes, inside)
+    return Schedule(every[keep], values[keep], slopes[keep], events, samples)
+
+
+def _present(run: Run, name: str) -> NDArray[np.bool_]:
+    """Which samples of an input are there; raises `SimulationError` when it cannot drive the run."""
+    if name not in run.inputs:
+        raise SimulationError(f"the run lacks the input {name!r}")
+    values = run.inputs[name]
+    if values.shape != run.times_s.shape:
+        raise SimulationError(f"input {name!r} has {values.size} samples, the run {run.times_s.size} times")
+    present = ~np.isnan(values)
+    if not present.any() or np.isinf(values).any():
+        raise SimulationError(f"input {name!r} has no finite values")
+    return present
+
+
+def _breaks(every: Floats, values: Floats, slopes: Floats, events: Floats) -> NDArray[np.bool_]:
+    """Where a segment must begin: an input or its slope changes, an event happens, the run starts or ends."""
+    keep = np.isin(every, events)
+    keep[0] = keep[-1] = True
+    # Inputs go on along their slope; only a change of slope, or for held ones of value, is a break.
+    held = (slopes == 0.0) & (np.roll(slopes, 1, axis=0) == 0.0)
+    jump = held & (values != np.roll(values, 1, axis=0))
+    turn = slopes != np.roll(slopes, 1, axis=0)
+    return np.asarray(keep | np.any(jump | turn, axis=1))
+
+
+def smoothed_start(times: Floats, samples: Floats) -> tuple[float, float]:
+    """Value and slope of a channel at its first time, by a low polynomial through its first samples."""
+    count = min(len(samples), len(times))
+    present = ~np.isnan(samples[:count])
+    t, y = times[:count][present] - times[0], samples[:count][present]
+    if len(y) == 0:
+        raise SimulationError("the first samples of a channel that gives an initial value are all missing")
+    degree = 2 if len(y) >= 8 else 1 if len(y) >= 3 else 0
+    coefficients, *_ = np.linalg.lstsq(np.vander(t, degree + 1, increasing=True), y, rcond=None)
+    return float(coefficients[0]), float(coefficients[1]) if degree else 0.0

@@ -1,0 +1,147 @@
+"""The public face of the plant engine: plants, runs, and a simulator to step along with software in the loop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from sim_hal.plant.compiled import CompiledPlant, compile_plant, probes
+from sim_hal.plant.compose import MISSING_FORCE
+from sim_hal.plant.effects import catalogue
+from sim_hal.plant.effects.base import Effect, prior
+from sim_hal.plant.engine import Schedule
+from sim_hal.plant.expressions import Name, Node
+from sim_hal.plant.plant import EffectUse, Parameter, Plant, Sensor
+from sim_hal.plant.plantfile import load_plant, read_plant, save_plant
+from sim_hal.plant.run import Run, SimulationError
+from sim_hal.plant.structure import Balance, PlantError
+
+__all__ = [
+    "MISSING_FORCE",
+    "Balance",
+    "CompiledPlant",
+    "Effect",
+    "EffectUse",
+    "Parameter",
+    "Plant",
+    "PlantError",
+    "Run",
+    "Sensor",
+    "SimulationError",
+    "Simulator",
+    "catalogue",
+    "compile_plant",
+    "load_plant",
+    "prior",
+    "probes",
+    "read_plant",
+    "save_plant",
+]
+
+
+class Simulator:
+    """A plant that is stepped along in time, inputs held over each step.
+
+    Raises `SimulationError` when it cannot go on.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        *,
+        conditions: Mapping[str, float | str] | None = None,
+        known: Mapping[str, float] | None = None,
+        events: Mapping[str, float] | None = None,
+        start_s: float = 0.0,
+        initial: Mapping[str, float] | None = None,
+    ) -> None:
+        self._definitions = _numbers(plant)
+        self._compiled = compile_plant(plant, extra=self._definitions)
+        self._flags = self._compiled.assembled.flags
+        self._events = np.array([(events or {}).get(name, np.inf) for name in self._flags], dtype=float)
+        self._inputs = np.zeros(len(plant.structure.inputs))
+        run = Run(
+            times_s=np.array([start_s]), conditions=conditions or {}, known=known or {}, events=events or {}
+        )
+        self._machine = self._compiled.machine(self._compiled.values, run, initial)
+        self._names = self._compiled.output_names
+        self._late = self._compiled.delays(self._compiled.values, run)
+        self._history: list[tuple[float, dict[str, float]]] = []
+        self._remember()
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time."""
+        return float(self._machine.clock[0])
+
+    def advance(self, to_time_s: float, inputs: Mapping[str, float] | None = None) -> None:
+        """Go on to a later time, the given inputs held; those not given keep their value."""
+        if not to_time_s >= self.time_s:
+            raise SimulationError(f"cannot go back from t = {self.time_s} s to {to_time_s} s")
+        names = tuple(self._compiled.plant.structure.inputs)
+        for name, value in (inputs or {}).items():
+            if name not in names:
+                raise SimulationError(f"no input {name!r}; inputs: {', '.join(names) or 'none'}")
+            if not np.isfinite(value):
+                raise SimulationError(f"input {name} = {value} is not finite")
+            self._inputs[names.index(name)] = value
+        inside = self._events[(self._events > self.time_s) & (self._events < to_time_s)]
+        self._follow(np.unique([self.time_s, *inside, to_time_s]), np.empty(0))
+        self._remember()
+
+    def outputs(self) -> dict[str, float]:
+        """Outputs and definitions by name at the present time, SI."""
+        return self._now() | {
+            channel: self._delayed(channel, self.time_s - delay) for channel, delay in self._late.items()
+        }
+
+    def state(self) -> dict[str, float]:
+        """States by name, SI."""
+        return dict(zip(self._compiled.state_names, self._machine.state.tolist(), strict=True))
+
+    def set_event(self, name: str, time_s: float) -> None:
+        """Let an event happen at a time, now or later."""
+        if name not in self._compiled.plant.structure.events:
+            known = ", ".join(self._compiled.plant.structure.events) or "none"
+            raise SimulationError(f"no event {name!r}; events: {known}")
+        if time_s < self.time_s:
+            raise SimulationError(f"event {name} at t = {time_s} s is in the past (t = {self.time_s} s)")
+        self._events[self._flags.index(name)] = time_s
+
+    def flag(self, name: str) -> bool:
+        """Whether a flag is set or an event has happened."""
+        if name not in self._flags:
+            raise SimulationError(f"no flag {name!r}; flags: {', '.join(self._flags) or 'none'}")
+        return bool(self._machine.flag[self._flags.index(name)])
+
+    def flag_time_s(self, name: str) -> float | None:
+        """When a flag was set, or None."""
+        return float(self._machine.flag_time[self._flags.index(name)]) if self.flag(name) else None
+
+    def _follow(self, breaks: np.ndarray, samples: np.ndarray) -> np.ndarray:
+        rows = np.tile(self._inputs, (len(breaks), 1))
+        plan = Schedule(breaks, rows, np.zeros_like(rows), self._events, samples)
+        self._machine.clock[3] = 0.0
+        return self._compiled.follow(self._machine, plan)[0]
+
+    def _now(self) -> dict[str, float]:
+        here = np.array([self.time_s])
+        return dict(zip(self._names, self._follow(here, here)[0].tolist(), strict=True))
+
+    def _remember(self) -> None:
+        """Keep late channels' values, no longer than they are late."""
+        if self._late:
+            self._history.append((self.time_s, self._now()))
+            oldest = self.time_s - max(self._late.values())
+            while len(self._history) > 2 and self._history[1][0] <= oldest:
+                self._history.pop(0)
+
+    def _delayed(self, channel: str, time_s: float) -> float:
+        times = [time for time, _ in self._history]
+        return float(np.interp(time_s, times, [values[channel] for _, values in self._history]))
+
+
+def _numbers(plant: Plant) -> dict[str, Node]:
+    """Formulas that give all definitions as outputs."""
+    return {name: Name(name) for name in plant.structure.definitions if name not in plant.structure.outputs}
