@@ -7,6 +7,7 @@ instants: neither reading one sensor nor how the waiting is cut into pieces chan
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +41,8 @@ class SampledSensor:
         self._fifo: deque[Sample] = deque(maxlen=settings.depth)
         self._latest: Sample | None = None
         self._overrun = False
-        self._select(settings.modes[0], origin_s=0.0, count=0)
+        self._mode = settings.modes[0]
+        self._count = 0
 
     @property
     def mode(self) -> Mode:
@@ -48,23 +50,23 @@ class SampledSensor:
         return self._mode
 
     def set_rate_hz(self, rate_hz: float, now_s: float) -> None:
-        """Restart the sample grid at `now_s` with another rate; `CommandRefused` for one it does not have."""
+        """Sample at another rate after `now_s`; raises `CommandRefused` for one that the part does not have.
+
+        Instants are whole multiples of the period since power-up, whenever the rate was set: sensors of one
+        rate sample together.
+        """
         for mode in self._modes:
             if mode.rate_hz == rate_hz:
-                self._select(mode, origin_s=now_s, count=1)
+                self._mode = mode
+                self._count = math.floor((now_s + GRID_TOLERANCE_S) * rate_hz) + 1
                 return
         known = ", ".join(f"{mode.rate_hz:g}" for mode in self._modes)
         raise CommandRefused(f"{self.name}: rate {rate_hz!r} Hz is not one of the part's rates: {known}")
 
-    def _select(self, mode: Mode, origin_s: float, count: int) -> None:
-        self._mode = mode
-        self._origin_s = origin_s
-        self._count = count
-
     def due(self, now_s: float) -> list[float]:
         """Take the sample instants reached by `now_s` [s]; each is handed out once, oldest first."""
         instants: list[float] = []
-        while (instant := self._origin_s + self._count / self._mode.rate_hz) <= now_s + GRID_TOLERANCE_S:
+        while (instant := self._count / self._mode.rate_hz) <= now_s + GRID_TOLERANCE_S:
             instants.append(min(instant, now_s))
             self._count += 1
         return instants

@@ -34,7 +34,7 @@ class World:
         self._settings = settings
         self._hop_plant = hop
         self._hop: Hop | None = None
-        self.now_s = 0.0
+        self.now_s = self._drive_s = 0.0
         self.voltage_v = 0.0
         self.magnet_on = False
         self.latch_closed = settings.initial.latch_closed
@@ -109,7 +109,8 @@ class World:
         """
         moving = set(wanted) if self._hop is not None else {NUT, CURRENT, SPRING}
         instants = sorted({to_s}.union(*(wanted[channel] for channel in moving)))
-        seen = {instant: self._look(instant) for instant in instants}
+        of_drive = {to_s}.union(wanted[NUT], wanted[CURRENT])
+        seen = {instant: self._look(instant, instant in of_drive) for instant in instants}
         truth = {
             channel: [seen[instant][channel] for instant in times]
             for channel, times in wanted.items()
@@ -123,10 +124,12 @@ class World:
         self._close_latch_at_home()
         return truth
 
-    def _look(self, at_s: float) -> dict[str, float]:
-        """Let time pass until `at_s` and read all channels."""
+    def _look(self, at_s: float, at_drive: bool) -> dict[str, float]:
+        """Let time pass until `at_s` and read all channels; a drive that holds no spring is read on demand."""
         if at_s > self.now_s:
-            self._drive.advance(at_s - self.now_s, self.voltage_v)
+            if self.latch_closed or at_drive:
+                self._drive.advance(at_s - self._drive_s, self.voltage_v)
+                self._drive_s = at_s
             if self._hop is not None:
                 self._hop.advance(at_s)
                 if self._hop.opened and self.latch_closed:

@@ -70,11 +70,17 @@ def test_instants_lie_on_the_grid_and_none_is_lost(rate_hz: float) -> None:
     assert len(instants) == int(now_s * rate_hz + 1e-6) + 1
 
 
-def test_a_new_rate_starts_its_grid_at_once() -> None:
+@given(st.floats(0.0, 100.0))
+def test_a_new_rate_samples_on_the_grid_since_power_up(now_s: float) -> None:
+    """Whenever the rate was set: sensors of one rate sample together, and none samples in the past."""
     probe = sensor()
-    probe.due(0.012)
-    probe.set_rate_hz(1666.0, 0.012)
-    assert probe.due(0.0135) == pytest.approx([0.012 + 1 / 1666, 0.012 + 2 / 1666])
+    probe.due(now_s)
+    probe.set_rate_hz(1666.0, now_s)
+    instants = np.array(probe.due(now_s + 0.01))
+    counts = instants * 1666.0
+    assert counts == pytest.approx(np.round(counts), abs=1e-5)
+    assert now_s < instants[0] <= now_s + 1 / 1666 + 2e-9
+    assert len(instants) in (16, 17)
 
 
 def test_unknown_rate_is_refused_and_changes_nothing() -> None:
