@@ -11,7 +11,7 @@ import dataclasses
 import math
 import re
 import types
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -66,6 +66,8 @@ def read_yaml(path: Path) -> Any:
         mark = error.problem_mark
         where = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
         raise ConfigError(f"{path}{where}: {error.problem or 'not valid YAML'}") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # control characters, dates that are none
+        raise ConfigError(f"{path}: not valid YAML ({str(error).splitlines()[0]})") from error
 
 
 class StrictLoader(yaml.SafeLoader):
@@ -75,6 +77,10 @@ class StrictLoader(yaml.SafeLoader):
         seen: set[object] = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, Hashable):
+                raise yaml.constructor.ConstructorError(
+                    None, None, "a list or mapping cannot be a key", key_node.start_mark
+                )
             if key in seen:
                 raise yaml.constructor.ConstructorError(
                     None, None, f"key {key!r} stands twice", key_node.start_mark
@@ -88,6 +94,20 @@ StrictLoader.add_implicit_resolver(
     re.compile(r"^[-+]?(?:[0-9][0-9_]*\.?[0-9_]*|\.[0-9_]+)[eE][-+]?[0-9]+$"),
     list("-+0123456789."),
 )
+
+
+class StrictDumper(yaml.SafeDumper):
+    """YAML's safe dumper, quoting the texts that `StrictLoader` would read as numbers, such as `1e-5`."""
+
+
+StrictDumper.yaml_implicit_resolvers = StrictLoader.yaml_implicit_resolvers
+
+
+def to_yaml(data: Any) -> str:
+    """Plain data, or a settings dataclass, as YAML text that reads back as the same values, to the bit."""
+    if dataclasses.is_dataclass(data) and not isinstance(data, type):
+        data = dataclasses.asdict(data)
+    return yaml.dump(data, Dumper=StrictDumper, sort_keys=False, default_flow_style=None, width=110)
 
 
 def load_settings(path: Path, settings: type[T]) -> T:
