@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from hal.errors import ConfigError
 
 
 def write_atomic(path: Path, content: str | bytes) -> Path:
@@ -26,3 +31,37 @@ def write_atomic(path: Path, content: str | bytes) -> Path:
         part.unlink(missing_ok=True)
         raise
     return path
+
+
+@contextmanager
+def whole_folder(path: Path, marker: str) -> Iterator[Path]:
+    """A new folder to fill, which takes the name `path` only when the block ends without an error.
+
+    A folder that stands there already is replaced if it is empty or holds the file `marker`, so an earlier
+    result of the same kind. Raises `ConfigError` when it holds anything else, or the place cannot be written.
+    """
+    if path.exists() and not (path.is_dir() and (not any(path.iterdir()) or (path / marker).is_file())):
+        raise ConfigError(f"{path}: holds something else than an earlier result; choose another folder")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written ({error.strerror})") from error
+    try:
+        yield work
+        work.chmod(0o755)  # mkdtemp keeps folders private; a result is meant to be read
+        _take_name(work, path)
+    except BaseException:
+        shutil.rmtree(work, ignore_errors=True)
+        raise
+
+
+def _take_name(work: Path, path: Path) -> None:
+    """Rename `work` to `path`; what stood there is put aside first and removed last."""
+    if not path.exists():
+        work.rename(path)
+        return
+    old = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}.old."))
+    path.replace(old)
+    work.rename(path)
+    shutil.rmtree(old)

@@ -43,6 +43,7 @@ DRAW_SCRIPT = """
       font: { color: colour('--ink'), size: 13, family: 'system-ui, Segoe UI, Roboto, sans-serif' },
       colorway: ['#3b82f6', '#e0763a', '#35a06a', '#a06bd6', '#dc4c64', '#8a8f98'],
       margin: { l: 64, r: 20, t: 36, b: 48 }, legend: { orientation: 'h', y: 1.02, yanchor: 'bottom', x: 0 },
+      modebar: { bgcolor: 'rgba(0,0,0,0)', color: colour('--line'), activecolor: colour('--soft') },
       hoverlabel: { bgcolor: colour('--band'), font: { color: colour('--ink') } } } };
   }
   function draw() {

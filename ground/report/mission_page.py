@@ -1,0 +1,118 @@
+"""The page of a mission: what the hops came to, and what each estimate rests on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ground.mission_summary import (
+    HOP_HEADERS,
+    Figure,
+    HopOutcome,
+    MissionRun,
+    comparisons,
+    hop_rows,
+    last_on_each_place,
+    plus_minus,
+    verdict_sentence,
+    words,
+)
+from ground.report.mission_figures import NINETY_FIVE, c3_figure, drive_figure, hop_figure, surface_figure
+from ground.report.page import Cell, Page
+
+TONES = {"valid": "good", "degraded": "plain", "rejected": "bad"}
+
+
+def write_mission_page(run: MissionRun, path: Path) -> Path:
+    """Write the page of a mission, whole or not at all. Returns `path`."""
+    page = Page(f"Mission “{run.result.plan.name}”")
+    good = run.result.completed and all(hop.report.verdict != "rejected" for hop in run.hops)
+    page.sentence(verdict_sentence(run), "good" if good else "bad")
+    seed = "" if run.seed is None else f", seed {run.seed}"
+    page.text(
+        f"Flown on the board “{run.board}”{seed}, rig {run.settings.rig.name}, foot {run.settings.rig.foot}."
+    )
+    _add_hops(page, run)
+    if comparisons(run):
+        _add_comparisons(page, run)
+    _add_ground(page, run)
+    for outcome in run.hops:
+        _add_hop(page, run, outcome)
+    if run.notes:
+        page.section("Keep in mind", "\n\n".join(run.notes))
+    return page.write(path)
+
+
+def _add_hops(page: Page, run: MissionRun) -> None:
+    page.section("The hops", "Uncertainties are one standard deviation, errors common to all hops included.")
+    rows: list[list[object]] = []
+    for row, outcome in zip(hop_rows(run), run.hops, strict=True):
+        verdict = Cell(outcome.report.verdict, TONES[outcome.report.verdict])  # type: ignore[arg-type]
+        rows.append([*row[:2], verdict, *row[3:]])
+    headers = HOP_HEADERS if run.simulated else HOP_HEADERS[:-1]
+    page.table(headers, [row[: len(headers)] for row in rows])
+    for outcome in run.hops:
+        if outcome.report.reasons:
+            page.text(f"Hop {outcome.report.hop_index + 1}: {'; '.join(outcome.report.reasons)}.")
+
+
+def _add_comparisons(page: Page, run: MissionRun) -> None:
+    page.section(
+        "Estimates against the simulation's truth",
+        "The simulated rig is the one that the flight software believes in, unless its plant file was changed: the "
+        "part of σ that stands for the rig's own tolerances (springs, masses, gravity) is then not drawn, and "
+        "errors of quantities that it dominates stay well below 1 σ.",
+    )
+    found = comparisons(run)
+    names = list(dict.fromkeys(item.name for item in found))
+    by_place = {(item.hop, item.name): item for item in found}
+    rows = [
+        [str(hop + 1), *(_comparison_cell(by_place.get((hop, name))) for name in names)]
+        for hop in dict.fromkeys(item.hop for item in found)
+    ]
+    page.table(["hop", *names], rows, "The truth, and how many σ of its own the estimate is away from it.")
+
+
+def _comparison_cell(item: Figure | None) -> Cell:
+    if item is None or item.truth is None or item.error_sigmas is None:
+        return Cell("–", "muted")
+    # the truth with the digits of its estimate
+    digits = len(plus_minus(item.value, item.sigma).partition(" ")[0].partition(".")[2])
+    error = f"{item.error_sigmas:+.2f}".replace("-0.00", "+0.00").replace("-", "−")
+    text = f"{item.truth:.{digits}f} {item.unit} ({error} σ)"
+    return Cell(text, "bad" if abs(item.error_sigmas) > NINETY_FIVE else "plain")
+
+
+def _add_ground(page: Page, run: MissionRun) -> None:
+    measured = [hop for hop in run.hops if hop.report.c3 is not None]
+    if not measured:
+        return
+    page.section(
+        "What the ground took",
+        "C3 is the share of the jump energy that the ground keeps: 0 % on steel. The belief about a place joins its "
+        "hops, allowing for the ground being compacted from hop to hop.",
+    )
+    page.figure(
+        c3_figure(measured), "C3 of each hop with its 95 % interval, and the belief about its place after it."
+    )
+    for place, outcome in last_on_each_place(run).items():
+        belief = outcome.report.belief
+        assert belief is not None
+        caption = f"Which ground place {place} is, after {belief.hops} hop(s), judged by C3 alone."
+        page.figure(surface_figure(belief), caption)
+
+
+def _add_hop(page: Page, run: MissionRun, outcome: HopOutcome) -> None:
+    report = outcome.report
+    kind = "reference hop off" if report.plan.reference else "hop off"
+    page.section(f"Hop {report.hop_index + 1}: {kind} {words(report.plan.surface or 'unknown ground')}")
+    if outcome.drive is not None:
+        page.figure(
+            drive_figure(outcome.drive, run.settings.rig, report.plan.energy_j),
+            f"Tensioning to {report.plan.energy_j:g} J of usable energy.",
+        )
+    if outcome.hop is not None:
+        page.figure(
+            hop_figure(outcome),
+            "Specific force along the leg. Bands: 95 % intervals of take-off and touchdown"
+            + (", dotted lines: what really happened." if outcome.truth else "."),
+        )
