@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,93 +41,82 @@ def assemble(model: Model, outputs: Mapping[str, Node], source: str) -> Assemble
     parameters = (*dict.fromkeys(own), *model.structure.known, _START)
     layout = _reserve(builder, model, parameters, flags)
     try:
-        program, memory_initial = _program(builder, model, layout, outputs)
+        layout, table = _emit(builder, model, layout, outputs)
         initial = {
             name: builder.emit(state.initial, Section.STATIC)
             for name, state in model.states.items()
             if not isinstance(state.initial, str)
         }
+        memories = [builder.emit(memory.initial, Section.STATIC) for memory in model.memories.values()]
         delays = {channel: builder.emit(node, Section.STATIC) for channel, node in model.delays.items()}
     except ExpressionError as error:
         raise PlantError(f"{source}: {error}") from None
-    _require_static(builder, source, {**initial, **delays})
+    _require_static(builder, source, initial | delays | dict(zip(model.memories, memories, strict=True)))
     code, sections = builder.code()
-    program = program._replace(code=code, sections=sections, registers=builder.registers())
-    return Assembled(program, parameters, flags, initial, memory_initial, delays)
+    program = Program(code, table, builder.registers(), layout._replace(sections=sections))
+    return Assembled(program, parameters, flags, initial, tuple(memories), delays)
 
 
 def _reserve(builder: Builder, model: Model, parameters: tuple[str, ...], flags: tuple[str, ...]) -> Layout:
     """Registers of all leaves. Time must be the first: the engine's `since` reads register 0."""
-    time = builder.block(["t"], Section.DYNAMIC)
-    parameter = builder.block(parameters, Section.STATIC)
-    inputs = builder.block(tuple(model.structure.inputs), Section.DYNAMIC)
-    flag = builder.block(flags, Section.DYNAMIC)
-    times = [builder.anonymous(Section.DYNAMIC) for _ in flags]
-    state = builder.block(tuple(model.states), Section.DYNAMIC)
-    memory = [builder.anonymous(Section.DYNAMIC) for _ in model.memories]
-    rates = [builder.anonymous(Section.OUTPUT) for _ in model.states]
-    builder.flag_of = {name: (flag + n, times[n]) for n, name in enumerate(flags)}
-    builder.rate_of = dict(zip(model.states, rates, strict=True))
-    for name, register in zip(model.memories, memory, strict=True):
-        builder.symbols[_stored(name)] = register
-    spare = builder.anonymous(Section.STATIC)  # a block may be empty: its start must still be a register
-    return Layout(
-        time=time,
-        parameter=parameter,
-        input=inputs,
-        flag=flag,
-        flag_time=times[0] if times else spare,
-        state=state,
-        memory=memory[0] if memory else spare,
-        rate=rates[0] if rates else spare,
+    inputs, states, dynamic = tuple(model.structure.inputs), tuple(model.states), Section.DYNAMIC
+    nu, nf = len(inputs), len(flags)
+    layout = Layout(
+        ns=len(states),
+        nu=nu,
+        nf=nf,
+        m=len(model.elements),
+        q=len(model.memories),
+        time=builder.block(["t"], dynamic),
+        parameter=builder.block(parameters, Section.STATIC),
+        input=builder.block(inputs, dynamic),
+        start_value=builder.room(nu, dynamic),
+        slope=builder.room(nu, dynamic),
+        segment=builder.room(1, dynamic),
+        flag=builder.block(flags, dynamic),
+        flag_time=builder.room(nf, dynamic),
+        state=builder.block(states, dynamic),
+        memory=builder.block([_stored(name) for name in model.memories], dynamic),
+        rate=builder.room(len(states), Section.OUTPUT),
+        force=builder.room(len(model.elements), dynamic),
     )
+    builder.flag_of = {name: (layout.flag + n, layout.flag_time + n) for n, name in enumerate(flags)}
+    builder.rate_of = {name: layout.rate + n for n, name in enumerate(states)}
+    return layout
 
 
 def _stored(memory: str) -> str:
     return f"stored({memory})"
 
 
-def _program(
-    builder: Builder, model: Model, layout: Layout, outputs: Mapping[str, Node]
-) -> tuple[Program, tuple[int, ...]]:
+def _emit(builder: Builder, model: Model, layout: Layout, outputs: Mapping[str, Node]) -> tuple[Layout, Ints]:
     """Emit everything, section by section, so that an earlier section never needs a later one."""
     states = tuple(model.states)
-    limits = _memories(builder, model, states)
-    rates = _registers(builder, [model.rates[name] for name in states])
-    elements = [_element(builder, element, model, states) for element in model.elements]
+    limits = _columns([*_memories(builder, model, states)], 4)
+    rates = [builder.emit(model.rates[name], Section.DYNAMIC) for name in states]
+    elements = _columns([_element(builder, element, model, states) for element in model.elements], 5)
     conditions = [builder.emit(margin(flag), Section.CONDITION) for flag in model.structure.flags.values()]
-    conditions += [-1] * len(model.structure.events)
-    output_registers = [builder.emit(node, Section.OUTPUT) for node in outputs.values()]
-    ns, m, q = len(states), len(elements), len(model.memories)
-    columns = list(zip(*elements, strict=True)) or [()] * 5
-    program = Program(
-        code=np.empty((0, 5), np.int64),
-        sections=np.zeros(5, np.int64),
-        registers=np.empty(0),
-        layout=layout,
-        rates=rates,
-        velocity=_table(columns[0], (m, ns)),
-        velocity_offset=_table(columns[1], (m,)),
-        per_force=_table(columns[2], (m, ns)),
-        forward=_table(columns[3], (m,)),
-        backward=_table(columns[4], (m,)),
-        lower=_table([limit[0] for limit in limits], (q,)),
-        upper=_table([limit[1] for limit in limits], (q,)),
-        lower_slope=_table([limit[2] for limit in limits], (q, ns)),
-        upper_slope=_table([limit[3] for limit in limits], (q, ns)),
-        conditions=_table(conditions, (len(conditions),)),
-        outputs=_table(output_registers, (len(output_registers),)),
-    )
-    initial = [builder.emit(memory.initial, Section.STATIC) for memory in model.memories.values()]
-    return program, tuple(initial)
+    lists = {
+        "rates": rates,
+        **dict(
+            zip(("velocity", "velocity_offset", "per_force", "forward", "backward"), elements, strict=True)
+        ),
+        **dict(zip(("lower", "upper", "lower_slope", "upper_slope"), limits, strict=True)),
+        "conditions": conditions + [-1] * len(model.structure.events),
+        "outputs": [builder.emit(node, Section.OUTPUT) for node in outputs.values()],
+    }
+    starts = np.cumsum([0, *(len(entries) for entries in lists.values())]).tolist()
+    table = np.array([entry for entries in lists.values() for entry in entries], dtype=np.int64)
+    return layout._replace(**dict(zip(lists, starts[:-1], strict=True))), table
 
 
-def _table(rows: object, shape: tuple[int, ...]) -> Ints:
-    return np.array(rows, dtype=np.int64).reshape(shape)
-
-
-def _registers(builder: Builder, nodes: list[Node]) -> Ints:
-    return np.array([builder.emit(node, Section.DYNAMIC) for node in nodes], dtype=np.int64)
+def _columns(rows: Sequence[tuple[int | list[int], ...]], count: int) -> list[list[int]]:
+    """The rows' columns, each flattened into one list of registers."""
+    columns: list[list[int]] = [[] for _ in range(count)]
+    for row in rows:
+        for column, entry in zip(columns, row, strict=True):
+            column.extend(entry if isinstance(entry, list) else [entry])
+    return columns
 
 
 def _memories(

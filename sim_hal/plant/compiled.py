@@ -81,6 +81,12 @@ class CompiledPlant:
         """States at the run's times, (n, n_states), SI."""
         return self._integrate(values, run, initial, run.times_s)[1]
 
+    def run_with_states(
+        self, values: Floats, run: Run, initial: Mapping[str, float] | None = None
+    ) -> tuple[Floats, Floats]:
+        """Outputs (n, n_outputs), delays of sensors left out, and states (n, n_states) at the run's times."""
+        return self._integrate(values, run, initial, run.times_s)
+
     def rates(self, values: Floats, run: Run, time_s: float, state: Floats) -> Floats:
         """Rates of all states, (n_states,), at a time and state, friction in the mode that the state implies."""
         machine = self.machine(values, run, dict(zip(self.state_names, state, strict=True)))
@@ -115,23 +121,19 @@ class CompiledPlant:
         by_name = dict(zip(self.parameter_names, values, strict=True))
         absent = {name for name, own in self.model.strengths.items() if not any(by_name[key] for key in own)}
         state = np.array(list(start.values()), dtype=float)
-        m, q, nf = len(program.forward), len(program.lower), len(self.assembled.flags)
         span = run.times_s[-1] - run.times_s[0]
+        modes = [self._mode(element.strengths, by_name) for element in self.model.elements]
+        modes += [engine.IDLE if name in absent else 0 for name in self.model.memories]
+        for offset, place in enumerate(self.assembled.memory_initial):
+            registers[program.layout.memory + offset] = registers[place]
         return Machine(
-            clock=np.array([run.times_s[0], 1e-5 * span if span > 0 else 1e-6, run.times_s[0], 0.0]),
+            clock=np.array([run.times_s[0], 1e-5 * span if span > 0 else 1e-6, 0.0, 1e-4]),
             registers=registers,
             state=state,
             scale=np.abs(state),
             weight=np.array([0.0 if name in absent else 1.0 for name in start]),
-            mode=np.array([self._mode(element.strengths, by_name) for element in self.model.elements], np.int64),
-            force=np.zeros(m),
-            memory=registers[list(self.assembled.memory_initial)] if q else np.zeros(0),
-            memory_mode=np.array([engine.IDLE if name in absent else 0 for name in self.model.memories], np.int64),
-            flag=np.zeros(nf),
-            flag_time=np.zeros(nf),
-            input=np.zeros((2, len(self.plant.structure.inputs))),
-            segment=np.zeros(1),
-        )  # fmt: skip
+            mode=np.array(modes, dtype=np.int64),
+        )
 
     @staticmethod
     def _mode(strengths: tuple[str, ...] | None, values: Mapping[str, float]) -> int:
@@ -185,7 +187,7 @@ class CompiledPlant:
             registers[program.layout.parameter + offset] = value
         registers[program.layout.parameter + len(self.assembled.parameters) - 1] = run.times_s[0]
         with np.errstate(all="ignore"):
-            engine.execute(program.code, 0, program.sections[1], registers)
+            engine.execute(program.code, 0, program.layout.sections[1], registers)
         return registers
 
     def _surface(self, by_name: Mapping[str, float], run: Run) -> dict[str, float]:

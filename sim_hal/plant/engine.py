@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_hal.plant.jit import compiled
-from sim_hal.plant.program import OPCODES, Floats, Ints, Program
+from sim_hal.plant.jit import compiled, inlined
+from sim_hal.plant.program import OPCODES, Floats, Ints, Layout, Program
 
 OK, NOT_FINITE, STEP_VANISHED, TOO_MANY_STEPS, CHATTER, EMPTY_BAND, NO_GRIP = range(7)
 OFF = 2  # mode of a friction element without strength
@@ -64,22 +64,18 @@ _P = np.array(
 class Machine(NamedTuple):
     """What changes while a plant runs; every array is written in place.
 
-    `clock` holds time, next step size, start time and the number of steps tried.
+    clock: time, next step size, steps tried, error of the last step. scale: largest magnitude of each state so
+    far. weight: 0 where a state does not count for the error. mode: of the friction elements, then of the
+    memories (0 holding, 1 at the lower limit, 2 at the upper, 3 idle). Flags, memories, inputs and friction
+    forces live in the registers.
     """
 
     clock: Floats  # (4,)
     registers: Floats
     state: Floats  # (ns,)
-    scale: Floats  # (ns,) largest magnitude so far
-    weight: Floats  # (ns,) 0 where a state does not count for the error
-    mode: Ints  # (m,)
-    force: Floats  # (m,)
-    memory: Floats  # (q,)
-    memory_mode: Ints  # (q,) 0 holding, 1 at the lower limit, 2 at the upper, 3 idle
-    flag: Floats  # (nf,)
-    flag_time: Floats  # (nf,)
-    input: Floats  # (2, nu): value at the segment's start and slope
-    segment: Floats  # (1,): the segment's start
+    scale: Floats  # (ns,)
+    weight: Floats  # (ns,)
+    mode: Ints  # (m + q,)
 
 
 class Schedule(NamedTuple):
@@ -98,6 +94,10 @@ class Limits(NamedTuple):
     relative: float
     absolute: float
     steps: int
+
+
+# In what follows `code`, `tab` and `lay` are the program, `r` the registers and `mode` the machine's modes: plain
+# arrays, since taking them out of a tuple in the innermost loop costs more than the arithmetic.
 
 
 @compiled
@@ -164,10 +164,10 @@ def execute(code: Ints, start: int, stop: int, r: Floats) -> None:
             r[to] = np.tanh(a)
 
 
-@compiled
-def section(p: Program, m: Machine, which: int) -> None:
+@inlined
+def section(code: Ints, lay: Layout, r: Floats, which: int) -> None:
     """Run one section of the program."""
-    execute(p.code, p.sections[which], p.sections[which + 1], m.registers)
+    execute(code, lay.sections[which], lay.sections[which + 1], r)
 
 
 @compiled
@@ -193,246 +193,275 @@ def solve_small(a: Floats, b: Floats) -> bool:
     return True
 
 
+@inlined
+def dot(tab: Ints, row: int, r: Floats, x: Floats) -> float:
+    """Sum of registers listed from `row` on times x."""
+    total = 0.0
+    for s in range(len(x)):
+        total += r[tab[row + s]] * x[s]
+    return total
+
+
 @compiled
-def grip(p: Program, r: Floats, i: int, j: int) -> float:
+def grip(tab: Ints, lay: Layout, r: Floats, i: int, j: int) -> float:
     """What one unit of element j's force adds to the rate of element i's relative velocity."""
     total = 0.0
-    for s in range(p.velocity.shape[1]):
-        total += r[p.velocity[i, s]] * r[p.per_force[j, s]]
-    return total
-
-
-@compiled
-def slide_rate(p: Program, r: Floats, j: int, rate: Floats) -> float:
-    """Rate of element j's relative velocity."""
-    total = 0.0
-    for s in range(len(rate)):
-        total += r[p.velocity[j, s]] * rate[s]
-    return total
-
-
-@compiled
-def relative_velocity(p: Program, r: Floats, j: int, x: Floats) -> float:
-    """Relative velocity of friction element j."""
-    total = r[p.velocity_offset[j]]
-    for s in range(len(x)):
-        total += r[p.velocity[j, s]] * x[s]
+    for s in range(lay.ns):
+        total += r[tab[lay.velocity + i * lay.ns + s]] * r[tab[lay.per_force + j * lay.ns + s]]
     return float(total)
 
 
 @compiled
-def apply_force(p: Program, r: Floats, j: int, force: float, rate: Floats) -> None:
-    """Add the force of friction element j to the rates."""
+def slide_rate(tab: Ints, lay: Layout, r: Floats, j: int, rate: Floats) -> float:
+    """Rate of element j's relative velocity."""
+    return dot(tab, lay.velocity + j * lay.ns, r, rate)
+
+
+@compiled
+def relative_velocity(tab: Ints, lay: Layout, r: Floats, j: int, x: Floats) -> float:
+    """Relative velocity of friction element j."""
+    return float(r[tab[lay.velocity_offset + j]] + dot(tab, lay.velocity + j * lay.ns, r, x))
+
+
+@inlined
+def add_force(tab: Ints, lay: Layout, r: Floats, j: int, force: float, rate: Floats) -> None:
+    """Add a force of friction element j to the rates."""
+    row = lay.per_force + j * lay.ns
     for s in range(len(rate)):
-        rate[s] += r[p.per_force[j, s]] * force
+        rate[s] += r[tab[row + s]] * force
 
 
-@compiled
-def evaluate(p: Program, m: Machine, t: float, x: Floats, rate: Floats) -> int:
-    """Rates at time t and state x in the present modes; friction forces go to `m.force`."""
-    r = m.registers
-    r[p.layout.time] = t
-    for k in range(m.input.shape[1]):
-        r[p.layout.input + k] = m.input[0, k] + m.input[1, k] * (t - m.segment[0])
-    r[p.layout.state : p.layout.state + len(x)] = x
-    section(p, m, 1)
-    for s in range(len(x)):
-        rate[s] = r[p.rates[s]]
+@inlined
+def rates_at(
+    code: Ints, tab: Ints, lay: Layout, r: Floats, mode: Ints, t: float, x: Floats, rate: Floats
+) -> bool:
+    """Rates at time t and state x in the present modes; friction forces go to their registers. False: no grip."""
+    r[lay.time] = t
+    for k in range(lay.nu):
+        r[lay.input + k] = r[lay.start_value + k] + r[lay.slope + k] * (t - r[lay.segment])
+    for s in range(lay.ns):
+        r[lay.state + s] = x[s]
+    execute(code, lay.sections[1], lay.sections[2], r)
+    for s in range(lay.ns):
+        rate[s] = r[tab[lay.rates + s]]
     stuck = 0
-    for j in range(len(m.mode)):
-        if m.mode[j] == 0:
+    for j in range(lay.m):
+        if mode[j] == 0:
             stuck += 1
-        elif m.mode[j] != OFF:
-            m.force[j] = -r[p.forward[j]] if m.mode[j] > 0 else r[p.backward[j]]
-            apply_force(p, r, j, m.force[j], rate)
+        elif mode[j] != OFF:
+            level = -r[tab[lay.forward + j]] if mode[j] > 0 else r[tab[lay.backward + j]]
+            r[lay.force + j] = level
+            add_force(tab, lay, r, j, level, rate)
+    held = True
     if stuck > 0:
-        return hold(p, m, stuck, rate)
-    return OK
+        held = hold(tab, lay, r, mode, rate)
+    return held
 
 
 @compiled
-def hold(p: Program, m: Machine, stuck: int, rate: Floats) -> int:
+def evaluate(
+    code: Ints, tab: Ints, lay: Layout, r: Floats, mode: Ints, t: float, x: Floats, rate: Floats
+) -> bool:
+    """`rates_at`, for where speed does not matter: one copy of it in machine code."""
+    return rates_at(code, tab, lay, r, mode, t, x, rate)
+
+
+@compiled
+def hold(tab: Ints, lay: Layout, r: Floats, mode: Ints, rate: Floats) -> bool:
     """Find and apply the forces that keep the stuck elements still (0 where a force has no grip)."""
-    r = m.registers
-    which = np.empty(stuck, np.int64)
+    which = np.empty(lay.m, np.int64)
     n = 0
-    for j in range(len(m.mode)):
-        if m.mode[j] == 0:
-            m.force[j] = 0.0
-            if grip(p, r, j, j) != 0.0:
+    for j in range(lay.m):
+        if mode[j] == 0:
+            r[lay.force + j] = 0.0
+            if grip(tab, lay, r, j, j) != 0.0:
                 which[n] = j
                 n += 1
     if n == 1:
         j = which[0]
-        m.force[j] = -slide_rate(p, r, j, rate) / grip(p, r, j, j)
-        apply_force(p, r, j, m.force[j], rate)
-        return OK
+        r[lay.force + j] = -slide_rate(tab, lay, r, j, rate) / grip(tab, lay, r, j, j)
+        add_force(tab, lay, r, j, r[lay.force + j], rate)
+        return True
     a = np.empty((n, n))
     b = np.empty(n)
     for i in range(n):
-        b[i] = -slide_rate(p, r, which[i], rate)
+        b[i] = -slide_rate(tab, lay, r, which[i], rate)
         for k in range(n):
-            a[i, k] = grip(p, r, which[i], which[k])
+            a[i, k] = grip(tab, lay, r, which[i], which[k])
     if not solve_small(a, b):
-        return NO_GRIP
+        return False
     for i in range(n):
-        m.force[which[i]] = b[i]
-        apply_force(p, r, which[i], b[i], rate)
-    return OK
+        r[lay.force + which[i]] = b[i]
+        add_force(tab, lay, r, which[i], b[i], rate)
+    return True
 
 
 @compiled
-def leaving(p: Program, m: Machine, j: int) -> int:
+def band(tab: Ints, lay: Layout, r: Floats, j: int) -> float:
+    """By how much element j's force may miss its band before that counts."""
+    return float(BAND_TOLERANCE * (abs(r[tab[lay.forward + j]]) + abs(r[tab[lay.backward + j]])))
+
+
+@compiled
+def leaving(tab: Ints, lay: Layout, r: Floats, j: int) -> int:
     """+1 or −1 where the holding force of stuck element j is outside its band, and to which side it moves."""
-    r = m.registers
-    tolerance = BAND_TOLERANCE * (abs(r[p.forward[j]]) + abs(r[p.backward[j]]))
-    if m.force[j] < -r[p.forward[j]] - tolerance:
+    if r[lay.force + j] < -r[tab[lay.forward + j]] - band(tab, lay, r, j):
         return 1
-    if m.force[j] > r[p.backward[j]] + tolerance:
+    if r[lay.force + j] > r[tab[lay.backward + j]] + band(tab, lay, r, j):
         return -1
     return 0
 
 
 @compiled
-def release(p: Program, m: Machine, rate: Floats) -> bool:
+def release(tab: Ints, lay: Layout, r: Floats, mode: Ints, rate: Floats) -> bool:
     """Decide which stuck elements start to slide, all together (projected Gauss–Seidel on their bands)."""
-    r = m.registers
-    n = len(m.mode)
-    for j in range(n):  # back to the rates without the stuck elements' forces
-        if m.mode[j] == 0:
-            apply_force(p, r, j, -m.force[j], rate)
-            m.force[j] = 0.0
+    for j in range(lay.m):  # back to the rates without the stuck elements' forces
+        if mode[j] == 0:
+            add_force(tab, lay, r, j, -r[lay.force + j], rate)
+            r[lay.force + j] = 0.0
     for _ in range(200):
-        for j in range(n):
-            if m.mode[j] == 0 and grip(p, r, j, j) != 0.0:
-                target = m.force[j] - slide_rate(p, r, j, rate) / grip(p, r, j, j)
-                target = min(max(target, -r[p.forward[j]]), r[p.backward[j]])
-                apply_force(p, r, j, target - m.force[j], rate)
-                m.force[j] = target
+        for j in range(lay.m):
+            if mode[j] == 0 and grip(tab, lay, r, j, j) != 0.0:
+                force = r[lay.force + j]
+                target = force - slide_rate(tab, lay, r, j, rate) / grip(tab, lay, r, j, j)
+                target = min(max(target, -r[tab[lay.forward + j]]), r[tab[lay.backward + j]])
+                add_force(tab, lay, r, j, target - force, rate)
+                r[lay.force + j] = target
     released = False
-    for j in range(n):
-        if m.mode[j] == 0 and grip(p, r, j, j) != 0.0:
-            width = BAND_TOLERANCE * (abs(r[p.forward[j]]) + abs(r[p.backward[j]]))
-            pull = slide_rate(p, r, j, rate) / grip(p, r, j, j)
-            if abs(pull) > width:
-                m.mode[j] = 1 if pull > 0.0 else -1
+    for j in range(lay.m):
+        if mode[j] == 0 and grip(tab, lay, r, j, j) != 0.0:
+            pull = slide_rate(tab, lay, r, j, rate) / grip(tab, lay, r, j, j)
+            if abs(pull) > band(tab, lay, r, j):
+                mode[j] = 1 if pull > 0.0 else -1
                 released = True
     return released
 
 
 @compiled
-def settle(p: Program, m: Machine, rate: Floats) -> int:
+def set_flag(lay: Layout, r: Floats, i: int, at: float) -> None:
+    """Latch flag i."""
+    r[lay.flag + i] = 1.0
+    r[lay.flag_time + i] = at
+
+
+@compiled
+def crossed(tab: Ints, lay: Layout, r: Floats, i: int) -> bool:
+    """Whether flag i is not set although its condition holds."""
+    condition = tab[lay.conditions + i]
+    return bool(r[lay.flag + i] == 0.0 and condition >= 0 and r[condition] >= 0.0)
+
+
+@compiled
+def settle(
+    code: Ints, tab: Ints, lay: Layout, r: Floats, mode: Ints, t: float, state: Floats, rate: Floats
+) -> int:
     """Bring flags, friction modes and memories into agreement with the state; gives the rates there."""
-    r = m.registers
     for _ in range(100):
-        status = evaluate(p, m, m.clock[0], m.state, rate)
-        if status != OK:
-            return status
-        section(p, m, 2)
+        if not evaluate(code, tab, lay, r, mode, t, state, rate):
+            return NO_GRIP
+        section(code, lay, r, 2)
         changed = False
-        for i in range(len(m.flag)):
-            if m.flag[i] == 0.0 and p.conditions[i] >= 0 and r[p.conditions[i]] >= 0.0:
-                set_flag(p, m, i, m.clock[0])
+        for i in range(lay.nf):
+            if crossed(tab, lay, r, i):
+                set_flag(lay, r, i, t)
                 changed = True
         if changed:
             continue
-        for j in range(len(m.mode)):
-            if m.mode[j] != OFF and empty_band(r[p.forward[j]], r[p.backward[j]]):
+        for j in range(lay.m):
+            width = r[tab[lay.forward + j]] + r[tab[lay.backward + j]]
+            if mode[j] != OFF and not width >= -band(tab, lay, r, j):
                 return EMPTY_BAND
-            if m.mode[j] == 0 and leaving(p, m, j) != 0:
+            if mode[j] == 0 and leaving(tab, lay, r, j) != 0:
                 changed = True
-        if changed and release(p, m, rate):
+        if changed and release(tab, lay, r, mode, rate):
             continue
-        settle_memories(p, m, rate)
+        settle_memories(tab, lay, r, mode, rate)
         return OK
     return CHATTER
 
 
 @compiled
-def empty_band(forward: float, backward: float) -> bool:
-    """Whether no force at all would keep a friction element still."""
-    return not forward + backward >= -BAND_TOLERANCE * (abs(forward) + abs(backward))
-
-
-@compiled
-def set_flag(p: Program, m: Machine, i: int, at: float) -> None:
-    """Latch flag i."""
-    m.flag[i] = 1.0
-    m.flag_time[i] = at
-    m.registers[p.layout.flag + i] = 1.0
-    m.registers[p.layout.flag_time + i] = at
-
-
-@compiled
-def limit_rate(r: Floats, slope: Ints, rate: Floats) -> float:
-    """Rate of a memory's limit."""
-    total = 0.0
-    for s in range(len(rate)):
-        total += r[slope[s]] * rate[s]
-    return total
-
-
-@compiled
-def settle_memories(p: Program, m: Machine, rate: Floats) -> None:
+def settle_memories(tab: Ints, lay: Layout, r: Floats, mode: Ints, rate: Floats) -> None:
     """Store each memory's value and whether it follows a limit from here on."""
-    r = m.registers
-    for q in range(len(m.memory)):
-        low = r[p.lower[q]]
-        high = r[p.upper[q]]
-        m.memory[q] = min(max(m.memory[q], low), high)
-        r[p.layout.memory + q] = m.memory[q]
-        if m.memory_mode[q] == IDLE:
+    for q in range(lay.q):
+        low, high = r[tab[lay.lower + q]], r[tab[lay.upper + q]]
+        value = min(max(r[lay.memory + q], low), high)
+        r[lay.memory + q] = value
+        if mode[lay.m + q] == IDLE:
             continue
-        m.memory_mode[q] = 0
-        if m.memory[q] == low and limit_rate(r, p.lower_slope[q], rate) >= 0.0:
-            m.memory_mode[q] = 1
-        elif m.memory[q] == high and limit_rate(r, p.upper_slope[q], rate) <= 0.0:
-            m.memory_mode[q] = 2
+        mode[lay.m + q] = 0
+        if value == low and dot(tab, lay.lower_slope + q * lay.ns, r, rate) >= 0.0:
+            mode[lay.m + q] = 1
+        elif value == high and dot(tab, lay.upper_slope + q * lay.ns, r, rate) <= 0.0:
+            mode[lay.m + q] = 2
 
 
 @compiled
-def triggered(p: Program, m: Machine, x: Floats, rate: Floats, hits: Ints) -> bool:
+def memory_turned(tab: Ints, lay: Layout, r: Floats, q: int, mode: int, rate: Floats) -> bool:
+    """Whether memory q no longer does what its mode says."""
+    if mode == 0:
+        value = r[lay.memory + q]
+        return bool(r[tab[lay.lower + q]] > value or r[tab[lay.upper + q]] < value)
+    if mode == 1:
+        return bool(dot(tab, lay.lower_slope + q * lay.ns, r, rate) < 0.0)
+    if mode == 2:
+        return bool(dot(tab, lay.upper_slope + q * lay.ns, r, rate) > 0.0)
+    return False
+
+
+@compiled
+def triggered(tab: Ints, lay: Layout, r: Floats, mode: Ints, x: Floats, rate: Floats, hits: Ints) -> bool:
     """Whether the mode of anything no longer fits at the point just evaluated; `hits` says of what.
 
-    `hits` lists friction elements, then flags, then memories.
+    `hits` lists friction elements (2: has turned, ±1: breaks away), then memories, then flags.
     """
-    r = m.registers
-    n, nf = len(m.mode), len(m.flag)
     found = False
-    for j in range(n):
+    for j in range(lay.m):
         hits[j] = 0
-        if m.mode[j] == 0:
-            hits[j] = leaving(p, m, j)
-        elif m.mode[j] != OFF and m.mode[j] * relative_velocity(p, r, j, x) < 0.0:
+        if mode[j] == 0:
+            hits[j] = leaving(tab, lay, r, j)
+        elif mode[j] != OFF and mode[j] * relative_velocity(tab, lay, r, j, x) < 0.0:
             hits[j] = 2
         found = found or hits[j] != 0
-    for i in range(nf):
-        hits[n + i] = 0
-        if m.flag[i] == 0.0 and p.conditions[i] >= 0 and r[p.conditions[i]] >= 0.0:
-            hits[n + i] = 1
-            found = True
-    for q in range(len(m.memory)):
-        low, high = r[p.lower[q]], r[p.upper[q]]
-        mode = m.memory_mode[q]
-        hit = mode == 0 and (low > m.memory[q] or high < m.memory[q])
-        hit = hit or (mode == 1 and limit_rate(r, p.lower_slope[q], rate) < 0.0)
-        hit = hit or (mode == 2 and limit_rate(r, p.upper_slope[q], rate) > 0.0)
-        hits[n + nf + q] = 1 if hit else 0
+    for q in range(lay.q):
+        hit = memory_turned(tab, lay, r, q, mode[lay.m + q], rate)
+        hits[lay.m + q] = 1 if hit else 0
+        found = found or hit
+    for i in range(lay.nf):
+        hit = crossed(tab, lay, r, i)
+        hits[lay.m + lay.q + i] = 1 if hit else 0
         found = found or hit
     return found
 
 
 @compiled
-def stages(p: Program, m: Machine, h: float, k: Floats, x: Floats, limits: Limits) -> float:
-    """One step of size h from the present state; k[0] is the rate there. End in `x`; returns the error."""
+def stages(
+    code: Ints,
+    tab: Ints,
+    lay: Layout,
+    r: Floats,
+    mode: Ints,
+    t: float,
+    h: float,
+    state: Floats,
+    k: Floats,
+    x: Floats,
+) -> bool:
+    """The stages of one step of size h; k[0] is the rate at its start. End in `x`; False: no grip."""
+    held = True
     for stage in range(1, 7):
-        for s in range(len(x)):
+        for s in range(lay.ns):
             total = 0.0
             for n in range(stage):
                 total += _A[stage, n] * k[n, s]
-            x[s] = m.state[s] + h * total
-        if evaluate(p, m, m.clock[0] + _C[stage] * h, x, k[stage]) != OK:
-            return np.nan
+            x[s] = state[s] + h * total
+        held = rates_at(code, tab, lay, r, mode, t + _C[stage] * h, x, k[stage]) and held
+    return held
+
+
+@compiled
+def step_error(m: Machine, h: float, k: Floats, x: Floats, limits: Limits) -> float:
+    """Largest error of a step relative to its tolerance, over the states that count."""
     worst = 0.0
     for s in range(len(x)):
         error = 0.0
@@ -446,14 +475,14 @@ def stages(p: Program, m: Machine, h: float, k: Floats, x: Floats, limits: Limit
 
 
 @compiled
-def interpolate(m: Machine, h: float, k: Floats, share: float, x: Floats) -> None:
+def interpolate(state: Floats, h: float, k: Floats, share: float, x: Floats) -> None:
     """State at `share` of the step just taken."""
     for s in range(len(x)):
         total = 0.0
         for n in range(7):
             weight = ((_P[n, 3] * share + _P[n, 2]) * share + _P[n, 1]) * share + _P[n, 0]
             total += weight * k[n, s]
-        x[s] = m.state[s] + h * share * total
+        x[s] = state[s] + h * share * total
 
 
 @compiled
@@ -461,104 +490,29 @@ def misfit_at(
     p: Program, m: Machine, h: float, k: Floats, share: float, x: Floats, rate: Floats, hits: Ints
 ) -> bool:
     """Whether an event has happened by `share` of the step."""
-    interpolate(m, h, k, share, x)
-    if evaluate(p, m, m.clock[0] + share * h, x, rate) != OK:
+    interpolate(m.state, h, k, share, x)
+    r = m.registers
+    if not evaluate(p.code, p.table, p.layout, r, m.mode, m.clock[0] + share * h, x, rate):
         return True
-    section(p, m, 2)
-    return triggered(p, m, x, rate, hits)
+    section(p.code, p.layout, r, 2)
+    return triggered(p.table, p.layout, r, m.mode, x, rate, hits)
 
 
 @compiled
 def turned_within(p: Program, m: Machine, h: float, k: Floats, x: Floats) -> float:
     """First quarter of the step at which a sliding element has turned, or 0: catches a brief reversal."""
-    for quarter in range(1, 4):
-        sliding = False
-        for j in range(len(m.mode)):
-            sliding = sliding or abs(m.mode[j]) == 1
-        if not sliding:
-            return 0.0
-        interpolate(m, h, k, 0.25 * quarter, x)
-        for j in range(len(m.mode)):
-            if abs(m.mode[j]) == 1 and m.mode[j] * relative_velocity(p, m.registers, j, x) < 0.0:
+    tab, lay, r = p.table, p.layout, m.registers
+    for j in range(lay.m):
+        sign = m.mode[j]
+        if abs(sign) != 1 or sign * slide_rate(tab, lay, r, j, k[0]) >= 0.0:
+            continue
+        if sign * slide_rate(tab, lay, r, j, k[6]) <= 0.0:
+            continue
+        for quarter in range(1, 4):
+            interpolate(m.state, h, k, 0.25 * quarter, x)
+            if sign * relative_velocity(tab, lay, r, j, x) < 0.0:
                 return 0.25 * quarter
     return 0.0
-
-
-@compiled
-def apply_events(p: Program, m: Machine, hits: Ints, at: float) -> None:
-    """Change the modes of what `triggered` has found at time `at`."""
-    n, nf = len(m.mode), len(m.flag)
-    for j in range(n):
-        if hits[j] == 2:
-            m.mode[j] = 0
-        elif hits[j] != 0:
-            m.mode[j] = hits[j]
-    for i in range(nf):
-        if hits[n + i] != 0:
-            set_flag(p, m, i, at)
-    for q in range(len(m.memory)):
-        if hits[n + nf + q] != 0 and m.memory_mode[q] == 0:
-            low, high = m.registers[p.lower[q]], m.registers[p.upper[q]]
-            m.memory[q] = low if abs(low - m.memory[q]) < abs(high - m.memory[q]) else high
-            m.registers[p.layout.memory + q] = m.memory[q]
-
-
-@compiled
-def accept(p: Program, m: Machine, finish: float, x: Floats) -> None:
-    """Make the step's end the present state: stuck elements exactly still, memories carried along."""
-    m.clock[0] = finish
-    m.state[:] = x
-    r = m.registers
-    for j in range(len(m.mode)):
-        if m.mode[j] == 0:
-            w = relative_velocity(p, r, j, m.state)
-            if w != 0.0 and grip(p, r, j, j) != 0.0:
-                apply_force(p, r, j, -w / grip(p, r, j, j), m.state)
-    for s in range(len(x)):
-        m.scale[s] = max(m.scale[s], abs(m.state[s]))
-    for q in range(len(m.memory)):
-        if m.memory_mode[q] == 1:
-            m.memory[q] = r[p.lower[q]]
-        elif m.memory_mode[q] == 2:
-            m.memory[q] = r[p.upper[q]]
-        r[p.layout.memory + q] = m.memory[q]
-
-
-@compiled
-def sample(p: Program, m: Machine, t: float, x: Floats, rate: Floats, output: Floats) -> None:
-    """Outputs at time t and state x."""
-    evaluate(p, m, t, x, rate)
-    r = m.registers
-    r[p.layout.rate : p.layout.rate + len(x)] = rate
-    section(p, m, 2)
-    section(p, m, 3)
-    for o in range(len(output)):
-        output[o] = r[p.outputs[o]]
-
-
-@compiled
-def start(p: Program, m: Machine) -> None:
-    """Prepare a run: parameters are in the registers; loads the rest and finds who slides where."""
-    r = m.registers
-    section(p, m, 0)
-    r[p.layout.flag : p.layout.flag + len(m.flag)] = m.flag
-    r[p.layout.flag_time : p.layout.flag_time + len(m.flag)] = m.flag_time
-    r[p.layout.memory : p.layout.memory + len(m.memory)] = m.memory
-    for j in range(len(m.mode)):
-        if m.mode[j] != OFF:
-            m.mode[j] = np.int64(np.sign(relative_velocity(p, r, j, m.state)))
-
-
-@compiled
-def open_segment(p: Program, m: Machine, plan: Schedule, b: int, rate: Floats) -> int:
-    """Take over the inputs and events from break b on."""
-    m.segment[0] = plan.breaks[b]
-    m.input[0] = plan.inputs[b]
-    m.input[1] = plan.slopes[b]
-    for i in range(len(m.flag)):
-        if m.flag[i] == 0.0 and plan.events[i] <= m.clock[0]:
-            set_flag(p, m, i, plan.events[i])
-    return settle(p, m, rate)
 
 
 @compiled
@@ -580,27 +534,111 @@ def locate(
 
 
 @compiled
+def apply_events(p: Program, m: Machine, hits: Ints, at: float) -> None:
+    """Change the modes of what `triggered` has found at time `at`."""
+    tab, lay, r = p.table, p.layout, m.registers
+    for j in range(lay.m):
+        if hits[j] == 2:
+            m.mode[j] = 0
+        elif hits[j] != 0:
+            m.mode[j] = hits[j]
+    for q in range(lay.q):
+        if hits[lay.m + q] != 0 and m.mode[lay.m + q] == 0:
+            low, high, value = r[tab[lay.lower + q]], r[tab[lay.upper + q]], r[lay.memory + q]
+            r[lay.memory + q] = low if abs(low - value) < abs(high - value) else high
+    for i in range(lay.nf):
+        if hits[lay.m + lay.q + i] != 0:
+            set_flag(lay, r, i, at)
+
+
+@compiled
+def accept(p: Program, m: Machine, finish: float, x: Floats) -> None:
+    """Make the step's end the present state: stuck elements exactly still, memories carried along."""
+    tab, lay, r = p.table, p.layout, m.registers
+    m.clock[0] = finish
+    for s in range(len(x)):
+        m.state[s] = x[s]
+    for j in range(lay.m):
+        if m.mode[j] == 0:
+            w = relative_velocity(tab, lay, r, j, m.state)
+            if w != 0.0 and grip(tab, lay, r, j, j) != 0.0:
+                add_force(tab, lay, r, j, -w / grip(tab, lay, r, j, j), m.state)
+    for s in range(len(x)):
+        m.scale[s] = max(m.scale[s], abs(m.state[s]))
+    for q in range(lay.q):
+        if m.mode[lay.m + q] == 1:
+            r[lay.memory + q] = r[tab[lay.lower + q]]
+        elif m.mode[lay.m + q] == 2:
+            r[lay.memory + q] = r[tab[lay.upper + q]]
+
+
+@compiled
+def sample(p: Program, m: Machine, t: float, x: Floats, rate: Floats, output: Floats) -> None:
+    """Outputs at time t and state x."""
+    r, lay = m.registers, p.layout
+    evaluate(p.code, p.table, lay, r, m.mode, t, x, rate)
+    for s in range(len(x)):
+        r[lay.rate + s] = rate[s]
+    section(p.code, lay, r, 2)
+    section(p.code, lay, r, 3)
+    for o in range(len(output)):
+        output[o] = r[p.table[lay.outputs + o]]
+
+
+@compiled
 def emit(
     p: Program, m: Machine, plan: Schedule, done: int, h: float, taken: float, k: Floats, outputs: Floats,
     states: Floats,
 ) -> int:  # fmt: skip
     """Give the samples that fall into the step, up to `taken`; returns how many are done in all."""
-    rate = np.empty(len(m.state))
     until = m.clock[0] + taken
+    if done >= len(plan.samples) or plan.samples[done] >= until:
+        return done
+    rate = np.empty(len(m.state))
     while done < len(plan.samples) and plan.samples[done] < until:
-        interpolate(m, h, k, (plan.samples[done] - m.clock[0]) / h, states[done])
+        interpolate(m.state, h, k, (plan.samples[done] - m.clock[0]) / h, states[done])
         sample(p, m, plan.samples[done], states[done], rate, outputs[done])
         done += 1
     return done
 
 
 @compiled
+def start(p: Program, m: Machine) -> None:
+    """Prepare a run whose parameters, flags and memories are in the registers: finds what slides which way."""
+    section(p.code, p.layout, m.registers, 0)
+    for j in range(p.layout.m):
+        if m.mode[j] != OFF:
+            w = relative_velocity(p.table, p.layout, m.registers, j, m.state)
+            m.mode[j] = 1 if w > 0.0 else -1 if w < 0.0 else 0
+
+
+@compiled
+def open_segment(p: Program, m: Machine, plan: Schedule, b: int, rate: Floats) -> int:
+    """Take over the inputs and events from break b on."""
+    lay, r = p.layout, m.registers
+    r[lay.segment] = plan.breaks[b]
+    for k in range(lay.nu):
+        r[lay.start_value + k] = plan.inputs[b, k]
+        r[lay.slope + k] = plan.slopes[b, k]
+    for i in range(lay.nf):
+        if r[lay.flag + i] == 0.0 and plan.events[i] <= m.clock[0]:
+            set_flag(lay, r, i, plan.events[i])
+    return settle(p.code, p.table, lay, r, m.mode, m.clock[0], m.state, rate)
+
+
+@compiled
 def try_step(p: Program, m: Machine, h: float, last: bool, k: Floats, x: Floats, limits: Limits) -> int:
-    """One step of size h with error control: OK, −1 to try again with the smaller step, or what is wrong."""
-    error = stages(p, m, h, k, x, limits)
+    """One step of size h with error control: OK, −1 to try again with the smaller step, or what is wrong.
+
+    The size follows the error with a little damping (Hairer, Nørsett, Wanner, Solving ODEs I, sec. II.4: beta 0.04).
+    """
+    held = stages(p.code, p.table, p.layout, m.registers, m.mode, m.clock[0], h, m.state, k, x)
+    error = step_error(m, h, k, x, limits) if held else np.nan
     if error <= 1.0:
-        wanted = h * min(5.0, 0.9 * max(error, 1e-6) ** -0.2)
+        error = max(error, 1e-6)
+        wanted = h * min(5.0, 0.9 * error**-0.17 * m.clock[3] ** 0.04)
         m.clock[1] = max(wanted, m.clock[1]) if last else wanted
+        m.clock[3] = error
         return OK
     finite = np.isfinite(error)
     m.clock[1] = h * (max(0.2, 0.9 * error**-0.2) if finite else 0.1)
@@ -616,8 +654,9 @@ def integrate(p: Program, m: Machine, plan: Schedule, limits: Limits, outputs: F
     The machine must have been prepared by `start`.
     """
     ns = len(m.state)
+    lay, r, mode = p.layout, m.registers, m.mode
     k, x, y, rate = np.zeros((7, ns)), np.empty(ns), np.empty(ns), np.empty(ns)
-    hits = np.zeros(len(m.mode) + len(m.flag) + len(m.memory), np.int64)
+    hits = np.zeros(lay.m + lay.q + lay.nf, np.int64)
     done = 0
     at_once = 0  # events in a row without time passing
     for b in range(len(plan.breaks)):
@@ -627,8 +666,8 @@ def integrate(p: Program, m: Machine, plan: Schedule, limits: Limits, outputs: F
             return status
         end = plan.breaks[min(b + 1, len(plan.breaks) - 1)]
         while m.clock[0] < end:
-            m.clock[3] += 1.0
-            if m.clock[3] > limits.steps:
+            m.clock[2] += 1.0
+            if m.clock[2] > limits.steps:
                 return TOO_MANY_STEPS
             left = end - m.clock[0]
             last = m.clock[1] >= 0.999999 * left
@@ -638,8 +677,8 @@ def integrate(p: Program, m: Machine, plan: Schedule, limits: Limits, outputs: F
                 continue
             if status != OK:
                 return status
-            section(p, m, 2)
-            event = triggered(p, m, x, k[6], hits)
+            section(p.code, lay, r, 2)
+            event = triggered(p.table, lay, r, mode, x, k[6], hits)
             quarter = turned_within(p, m, h, k, y)
             share = 1.0
             if event or quarter > 0.0:
@@ -649,19 +688,21 @@ def integrate(p: Program, m: Machine, plan: Schedule, limits: Limits, outputs: F
             before = done
             done = emit(p, m, plan, done, h, taken, k, outputs, states)
             if event:
-                stages(p, m, taken, k, x, limits)
+                stages(p.code, p.table, lay, r, mode, m.clock[0], taken, m.state, k, x)
                 if np.sum(np.abs(hits)) == 0:  # seen at the step's very end only, by rounding
-                    section(p, m, 2)
-                    triggered(p, m, x, k[6], hits)
+                    section(p.code, lay, r, 2)
+                    triggered(p.table, lay, r, mode, x, k[6], hits)
                 apply_events(p, m, hits, m.clock[0] + taken)
-            elif done > before:
-                evaluate(p, m, m.clock[0] + h, x, k[6])  # the samples have used the registers
+            elif done > before:  # the samples have used the registers
+                evaluate(p.code, p.table, lay, r, mode, m.clock[0] + h, x, k[6])
             finish = end if last and share == 1.0 else m.clock[0] + taken
             accept(p, m, finish, x)
             k[0] = k[6]
             if event:
                 at_once = at_once + 1 if taken < 1e-12 * max(1.0, abs(finish)) else 0
-                status = CHATTER if at_once > 200 else settle(p, m, k[0])
+                if at_once > 200:
+                    return CHATTER
+                status = settle(p.code, p.table, lay, r, mode, finish, m.state, k[0])
                 if status != OK:
                     return status
     while done < len(plan.samples):

@@ -20,3 +20,10 @@ def compiled(function: Function) -> Function:
     if not HAVE_NUMBA:
         return function
     return cast(Function, numba.njit(cache=True, error_model="numpy")(function))
+
+
+def inlined(function: Function) -> Function:
+    """Like `compiled`, for what runs in the innermost loop: its body goes into each caller."""
+    if not HAVE_NUMBA:
+        return function
+    return cast(Function, numba.njit(error_model="numpy", inline="always")(function))

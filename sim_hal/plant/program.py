@@ -53,40 +53,47 @@ OPCODES: Mapping[str, int] = {name: code for code, name in enumerate((*_ARITHMET
 
 
 class Layout(NamedTuple):
-    """First register of each block of leaves."""
+    """Sizes; first register of each block; where each list starts in the table; where each section starts."""
 
-    time: int
-    parameter: int
-    input: int
-    flag: int
-    flag_time: int
-    state: int
-    memory: int
-    rate: int
+    ns: int  # states
+    nu: int  # inputs
+    nf: int  # flags and events
+    m: int  # friction elements
+    q: int  # memories
+    time: int = 0  # registers from here on
+    parameter: int = 0
+    input: int = 0
+    start_value: int = 0  # inputs at the segment's start, and their slope
+    slope: int = 0
+    segment: int = 0  # time of the segment's start
+    flag: int = 0
+    flag_time: int = 0
+    state: int = 0
+    memory: int = 0
+    rate: int = 0
+    force: int = 0
+    rates: int = 0  # table from here on: (ns,)
+    velocity: int = 0  # (m, ns): coefficients of the relative velocity
+    velocity_offset: int = 0  # (m,)
+    per_force: int = 0  # (m, ns)
+    forward: int = 0  # (m,)
+    backward: int = 0  # (m,)
+    lower: int = 0  # (q,)
+    upper: int = 0  # (q,)
+    lower_slope: int = 0  # (q, ns): coefficients of the lower limit
+    upper_slope: int = 0  # (q, ns)
+    conditions: int = 0  # (nf,), −1 for an event, which latches at a given time
+    outputs: int = 0  # (no,)
+    sections: tuple[int, int, int, int, int] = (0, 0, 0, 0, 0)
 
 
 class Program(NamedTuple):
-    """All that the engine needs to know of a plant; entries of the index arrays are registers.
-
-    Sizes: ns states, m friction elements, q memories, nf flags, no outputs.
-    """
+    """All that the engine needs to know of a plant."""
 
     code: Ints  # (instructions, 5): operation, target, operands
-    sections: Ints  # (5,): where each section starts, and the end
+    table: Ints  # registers, in lists that the layout tells apart
     registers: Floats  # initial content: the constants
     layout: Layout
-    rates: Ints  # (ns,)
-    velocity: Ints  # (m, ns): coefficients of the relative velocity
-    velocity_offset: Ints  # (m,)
-    per_force: Ints  # (m, ns)
-    forward: Ints  # (m,)
-    backward: Ints  # (m,)
-    lower: Ints  # (q,)
-    upper: Ints  # (q,)
-    lower_slope: Ints  # (q, ns): coefficients of the lower limit
-    upper_slope: Ints  # (q, ns)
-    conditions: Ints  # (nf,), −1 for an event, which latches at a given time
-    outputs: Ints  # (no,)
 
 
 class Builder:
@@ -105,9 +112,15 @@ class Builder:
 
     def block(self, symbols: Sequence[str], section: Section) -> int:
         """Reserve registers for leaf symbols; returns the first."""
+        first = self.room(len(symbols), section)
+        self.symbols |= {name: first + offset for offset, name in enumerate(symbols)}
+        return first
+
+    def room(self, count: int, section: Section) -> int:
+        """Reserve registers without symbols; returns the first."""
         first = self._size
-        for name in symbols:
-            self.symbols[name] = self.anonymous(section)
+        for _ in range(count):
+            self.anonymous(section)
         return first
 
     def anonymous(self, section: Section) -> int:
@@ -158,11 +171,11 @@ class Builder:
         """Whether the register's value depends on parameters alone."""
         return self._section[register] is Section.STATIC
 
-    def code(self) -> tuple[Ints, Ints]:
-        """All instructions, and where each section starts."""
+    def code(self) -> tuple[Ints, tuple[int, int, int, int, int]]:
+        """All instructions, and where each section starts, the end last."""
         lines = [line for section in Section for line in self._code[section]]
-        counts = [0, *(len(self._code[section]) for section in Section)]
-        return np.array(lines, dtype=np.int64).reshape(-1, 5), np.cumsum(counts)
+        ends = np.cumsum([len(self._code[section]) for section in Section]).tolist()
+        return np.array(lines, dtype=np.int64).reshape(-1, 5), (0, ends[0], ends[1], ends[2], ends[3])
 
     def registers(self) -> Floats:
         """Initial content of the register file."""

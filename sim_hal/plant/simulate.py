@@ -113,16 +113,20 @@ class Simulator:
         """Whether a flag is set or an event has happened."""
         if name not in self._flags:
             raise SimulationError(f"no flag {name!r}; flags: {', '.join(self._flags) or 'none'}")
-        return bool(self._machine.flag[self._flags.index(name)])
+        return bool(self._register("flag", name))
 
     def flag_time_s(self, name: str) -> float | None:
         """When a flag was set, or None."""
-        return float(self._machine.flag_time[self._flags.index(name)]) if self.flag(name) else None
+        return self._register("flag_time", name) if self.flag(name) else None
+
+    def _register(self, block: str, name: str) -> float:
+        layout = self._compiled.assembled.program.layout
+        return float(self._machine.registers[getattr(layout, block) + self._flags.index(name)])
 
     def _follow(self, breaks: np.ndarray, samples: np.ndarray) -> np.ndarray:
         rows = np.tile(self._inputs, (len(breaks), 1))
         plan = Schedule(breaks, rows, np.zeros_like(rows), self._events, samples)
-        self._machine.clock[3] = 0.0
+        self._machine.clock[2] = 0.0
         return self._compiled.follow(self._machine, plan)[0]
 
     def _now(self) -> dict[str, float]:
