@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flight import energy
 from flight.energy import RigConstants
 from flight.flight_time import FlightTime, estimate_flight
+from flight.heartbeat import Heartbeat
 from flight.record import HopRecord
 from flight.settings import FlightSettings
 from flight.uncertain import Uncertain, combine
@@ -18,6 +19,7 @@ from flight.uncertain import Uncertain, combine
 Array = NDArray[np.float64]
 
 _STATIC_S = 0.2  # stretch before the fire command over which the compression is averaged
+_PUSH_TOLERANCE = 0.03  # of the body's take-off speed
 _STEP_SIGMAS = 10.0  # acceleration, in noise sigmas, by which the opening shows
 
 
@@ -39,9 +41,11 @@ class HopEnergies:
     gravity_m_s2: Uncertain | None = None
 
 
-def evaluate_hop(record: HopRecord, settings: FlightSettings, hop_index: int) -> HopEnergies:
+def evaluate_hop(
+    record: HopRecord, settings: FlightSettings, hop_index: int, heartbeat: Heartbeat | None = None
+) -> HopEnergies:
     """All energies of one hop. Errors of this hop alone have `#hop_index` in their source's name."""
-    flight = estimate_flight(record, settings)
+    flight = estimate_flight(record, settings, heartbeat)
     rig = RigConstants.of(settings.rig)
     compression_m = stored_compression(record, settings, hop_index)
     if compression_m is None:
@@ -78,9 +82,8 @@ def _with_height(
     assert seen.compression_m is not None
     gravity = measured_gravity(flight, settings, hop_index)
     rig = replace(rig, gravity_m_s2=gravity)
-    time_s = Uncertain.of(
-        flight.time_of_flight_s, flight.time_of_flight_sigma_s, f"time_of_flight#{hop_index}"
-    )
+    source = f"time_of_flight#{hop_index}"
+    time_s = Uncertain.of(flight.time_of_flight_s, flight.ballistic_sigma_s, source)
     total = rig.total_mass_kg
     # The leg hangs differently at take-off and touchdown: z_com = z_l - (m_b/M) delta.
     stretch_m = flight.compression_m[0] - flight.compression_m[1]
@@ -88,13 +91,12 @@ def _with_height(
     rise_m, mismatch = _rise_on_spring(record, flight, rig, speed, settings)
     rise_m = rise_m.with_part(f"rise#{hop_index}", settings.evaluation.rise_error_m)
     height_m = rise_m + _leg_share_rise(seen.compression_m, flight, rig) + speed**2 / (2.0 * gravity)
-    if mismatch:
-        verdict = "degraded"
-        flight = replace(flight, verdict=verdict, reasons=(*flight.reasons, mismatch))
+    if mismatch:  # one of the two is wrong, and nobody knows which
+        return replace(seen, flight=replace(flight, verdict="rejected", reasons=(*flight.reasons, mismatch)))
     return replace(
         seen,
         flight=flight,
-        time_of_flight_s=time_s,
+        time_of_flight_s=Uncertain.of(time_s.value, flight.time_of_flight_sigma_s, source),
         take_off_speed_m_s=speed,
         height_m=height_m,
         potential_j=total * gravity * height_m,
@@ -158,7 +160,7 @@ def _rise_on_spring(
     begin_s = min(max(begin_m_s, 0.0) / float(a[0]), step_s)
     rise += 0.5 * max(begin_m_s, 0.0) * begin_s
     duration_s = flight.take_off_s - float(t[0]) + begin_s
-    slack = 3.0 * body_m_s.sigma + 0.01 * body_m_s.value
+    slack = 3.0 * body_m_s.sigma + _PUSH_TOLERANCE * body_m_s.value
     complaint = ""
     if not -slack < begin_m_s < float(a[0]) * step_s + slack:
         complaint = f"the push and the time of flight disagree by {begin_m_s:.3f} m/s"

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from flight import hop_machine
+from flight.heartbeat import Heartbeat
 from flight.mission import HopReport, MissionPilot, MissionPlan, MissionResult
 from flight.record import HopRecorder
 from flight.sensing import Senses
@@ -91,11 +92,13 @@ class _Executive:
         self._tell(before, (*events, *answer.events), answer.outputs)
         if self.machine.phase is Phase.ARMED and before.phase is not Phase.ARMED:
             self.recorder.clear()
+        done_s = now_s
         if answer.outputs.evaluate:
             self._evaluate()
+            done_s = self.board.clock.now_s()  # it may take longer than a tick, and keeps the watchdog up
         self.board.watchdog.stroke()
-        self._stroked_s = now_s
-        self._wait(now_s)
+        self._stroked_s = done_s
+        self._wait(done_s)
 
     def progress(self) -> Progress:
         energy_j = energy_used_j(max(self.machine.compression_m, 0.0), self.settings.rig)
@@ -147,7 +150,7 @@ class _Executive:
     def _evaluate(self) -> None:
         fire_s = self.machine.fire_s
         assert fire_s is not None
-        report = self.pilot.evaluate(self.recorder.record(fire_s))
+        report = self.pilot.evaluate(self.recorder.record(fire_s), Heartbeat(self.board.watchdog.stroke))
         self.log.write("hop", self._now_s, report.as_payload())
         self.board.ground_link.send("hop", json.dumps(report.as_payload()))
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flight.heartbeat import Heartbeat
 from flight.least_squares import fit
 from flight.ringing import Ringing
 
@@ -19,7 +20,8 @@ _SEARCH_S = 0.06  # the foot may touch again for this long after first leaving t
 _PEAK_S = 0.12  # the release comes within this time after the magnet is energised
 _LINE_STD = (0.5, 5.0)  # sensor bias [m/s^2] and slow forces [m/s^3] that a line may explain
 _REFIT_GROWTH = 1.15
-_SURPRISE = 6.0  # rms of a block, in sigmas, that the ringing no longer explains
+_SURPRISE = 6.0  # rms of a block, in sigmas, that the ringing did not predict
+_EXPLAINED = 2.5  # rms of that block, once the ringing was fitted to it too, that is no contact
 
 
 class NoFlight(Exception):
@@ -44,6 +46,7 @@ class _Expectation:
     omega_std: float
     decay_1_s: float
     noise_m_s2: float
+    heartbeat: Heartbeat
 
 
 def find_flight(
@@ -55,13 +58,14 @@ def find_flight(
     omega_rad_s: float,
     omega_std: float,
     decay_1_s: float,
+    heartbeat: Heartbeat,
 ) -> Stretch:
     """The longest stretch of free ringing after the release.
 
     `motion_m_s2` (n,) is the body's specific force along the leg; `weightless_m_s2` is its value at which
     the leg's contact force vanishes on firm ground, -(m_l/m_b) g. Raises `NoFlight`.
     """
-    expected = _Expectation(omega_rad_s, omega_std, decay_1_s, noise_m_s2)
+    expected = _Expectation(omega_rad_s, omega_std, decay_1_s, noise_m_s2, heartbeat)
     left = _first_release(times_s, motion_m_s2, fire_s, weightless_m_s2)
     seed = _best_seed(times_s, motion_m_s2, left, expected)
     noise = max(noise_m_s2, seed.rms_m_s2)
@@ -115,7 +119,7 @@ def _explain(
         left = y - ringing.acceleration_m_s2(t) - p[4] - p[5] * (t - reference)
         return np.asarray(left / noise, dtype=np.float64)
 
-    solved = fit(errors, start, mean, std, max_steps=6)
+    solved = fit(errors, start, mean, std, expected.heartbeat, max_steps=6)
     ringing = Ringing(reference, *(float(value) for value in solved.parameters[:4]))
     rms = float(np.sqrt(np.mean(solved.residuals**2))) * noise
     return Stretch(first, stop, ringing, float(solved.parameters[4]), float(solved.parameters[5]), rms)
@@ -144,15 +148,34 @@ def _grow(
     block = max(3, round(BLOCK_S / float(np.median(np.diff(times_s)))))
     model = stretch  # refitted only now and then: it predicts well for a while
     while True:
-        if way > 0:
-            first, stop = stretch.stop, min(stretch.stop + block, times_s.size)
-        else:
-            first, stop = max(stretch.first - block, 0), stretch.first
+        first, stop = (
+            (stretch.stop, min(stretch.stop + block, times_s.size))
+            if way > 0
+            else (max(stretch.first - block, 0), stretch.first)
+        )
         if stop - first < 3:
-            return stretch
-        error = motion[first:stop] - explained(model, times_s[first:stop])
-        if float(np.sqrt(np.mean(error**2))) > _SURPRISE * max(noise, model.rms_m_s2):
             return replace(model, first=stretch.first, stop=stretch.stop)
-        stretch = replace(stretch, first=min(first, stretch.first), stop=max(stop, stretch.stop))
-        if stretch.stop - stretch.first > _REFIT_GROWTH * (model.stop - model.first):
-            model = _explain(times_s, motion, stretch.first, stretch.stop, expected, model)
+        longer = replace(stretch, first=min(first, stretch.first), stop=max(stop, stretch.stop))
+        allowed = max(noise, model.rms_m_s2)
+        error = motion[first:stop] - explained(model, times_s[first:stop])
+        surprised = _rms(error) > _SURPRISE * allowed
+        if surprised or longer.stop - longer.first > _REFIT_GROWTH * (model.stop - model.first):
+            model = _explain(times_s, motion, longer.first, longer.stop, expected, model)
+            error_after = motion[first:stop] - explained(model, times_s[first:stop])
+            if surprised and _rms(error_after) > _EXPLAINED * allowed:
+                model = _explain(times_s, motion, stretch.first, stretch.stop, expected, model)
+                return _to_the_sample(model, error, _SURPRISE * allowed, way)
+        stretch = longer
+
+
+def _to_the_sample(stretch: Stretch, error: Array, allowed: float, way: int) -> Stretch:
+    """Within a surprising block, the samples next to the stretch may still belong to it."""
+    strange = np.abs(error if way > 0 else error[::-1]) > allowed
+    still = int(np.argmax(strange)) if np.any(strange) else 0
+    if way > 0:
+        return replace(stretch, stop=stretch.stop + still)
+    return replace(stretch, first=stretch.first - still)
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flight.heartbeat import Heartbeat
+
 Array = NDArray[np.float64]
 
 _GIVE_UP_DAMPING = 1e9
@@ -29,9 +31,10 @@ def fit(
     start: Array,
     prior_mean: Array,
     prior_std: Array,
+    heartbeat: Heartbeat,
     *,
-    max_steps: int = 40,
-    tolerance: float = 1e-8,
+    max_steps: int = 60,
+    tolerance: float = 1e-6,
 ) -> Fit:
     """Minimise |residuals(p)|^2 + |(p - prior_mean)/prior_std|^2.
 
@@ -50,6 +53,7 @@ def fit(
         raise ValueError("the residuals at the start of the fit are not finite")
     damping, converged = 1e-3, False
     for _ in range(max_steps):
+        heartbeat.beat()
         jacobian = _jacobian(stacked, point, value, start, prior_std)
         normal, gradient = jacobian.T @ jacobian, jacobian.T @ value
         point, value, damping, gain = _improve(stacked, point, value, normal, gradient, damping)
@@ -77,8 +81,9 @@ def _improve(
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
         lifted = normal / np.outer(scale, scale) + damping * np.eye(point.size)
         trial = point - np.linalg.solve(lifted, gradient / scale) / scale
-        trial_value = stacked(trial)
-        trial_cost = float(trial_value @ trial_value)
+        with np.errstate(over="ignore", invalid="ignore"):  # a step too far is refused below
+            trial_value = stacked(trial)
+            trial_cost = float(trial_value @ trial_value)
         if np.isfinite(trial_cost) and trial_cost <= cost:
             return trial, trial_value, max(damping * 0.2, 1e-12), cost - trial_cost
         damping *= 5.0

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from flight import energy
 from flight.evaluation import HopEnergies, evaluate_hop
+from flight.heartbeat import Heartbeat
 from flight.record import HopRecord
 from flight.settings import FlightSettings
 from flight.states import Machine, Phase
@@ -196,12 +197,12 @@ class MissionPilot:
             return GroundCommand(now_s, "fire")
         return None
 
-    def evaluate(self, record: HopRecord) -> HopReport:
+    def evaluate(self, record: HopRecord, heartbeat: Heartbeat | None = None) -> HopReport:
         """Evaluate the hop just made and update what is believed of the ground."""
         index = len(self.reports)
         # A hop that the ground commanded beyond the plan is reported like the plan's last.
         plan = self.plan.hops[min(index, len(self.plan.hops) - 1)]
-        seen = evaluate_hop(record, self.settings, index)
+        seen = evaluate_hop(record, self.settings, index, heartbeat)
         c2_ref, source = self._c2_ref()
         c1 = c2_measured = c3 = None
         if seen.analysis_j is not None and seen.used_j is not None:

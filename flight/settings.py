@@ -138,6 +138,7 @@ class EvaluationSettings:
 
     gravity_error_m_s2: Positive
     rise_error_m: Positive
+    chatter_s: NotNegative
     reference_repeatability: Share
 
 
