@@ -382,7 +382,7 @@ def settle(
 
 @compiled
 def settle_memories(tab: Ints, lay: Layout, r: Floats, mode: Ints, rate: Floats) -> None:
-    """Store each memory's value and whether it follows a limit from here on."""
+    """Store each memory's value and whether it follows a limit from here on (at rest it follows none)."""
     for q in range(lay.q):
         low, high = r[tab[lay.lower + q]], r[tab[lay.upper + q]]
         value = min(max(r[lay.memory + q], low), high)
@@ -390,9 +390,9 @@ def settle_memories(tab: Ints, lay: Layout, r: Floats, mode: Ints, rate: Floats)
         if mode[lay.m + q] == IDLE:
             continue
         mode[lay.m + q] = 0
-        if value == low and dot(tab, lay.lower_slope + q * lay.ns, r, rate) >= 0.0:
+        if value == low and dot(tab, lay.lower_slope + q * lay.ns, r, rate) > 0.0:
             mode[lay.m + q] = 1
-        elif value == high and dot(tab, lay.upper_slope + q * lay.ns, r, rate) <= 0.0:
+        elif value == high and dot(tab, lay.upper_slope + q * lay.ns, r, rate) < 0.0:
             mode[lay.m + q] = 2
 
 
