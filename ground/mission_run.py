@@ -20,7 +20,7 @@ from flight.log import McapLog
 from flight.mission import HopPlan, MissionPlan, MissionResult
 from flight.settings import FlightSettings
 from ground.files import whole_folder, write_atomic
-from ground.mission_summary import HopOutcome, MissionRun, hop_rows, mission_content, words
+from ground.mission_summary import HopOutcome, MissionRun, hop_rows, mission_content
 from ground.recordings import RecordingError
 from ground.recordings.from_log import HopRecordings, write_hop_recordings
 from ground.report.mission_page import write_mission_page
@@ -62,9 +62,7 @@ def plan_mission(
         )
     reference = HopPlan(energy_j, surface=REFERENCE, place="reference", reference=True)
     leap = HopPlan(energy_j, surface=surface, place="A", tilt_deg=tilt_deg)
-    return MissionPlan(
-        name or f"{hops} hops off {words(surface)}", (reference,) * references + (leap,) * hops
-    )
+    return MissionPlan(name or f"{surface}-{hops}-hops", (reference,) * references + (leap,) * hops)
 
 
 def run_mission(
