@@ -52,8 +52,10 @@ def block_scores(blocks: Sequence[Float], scale: Float, share: Float) -> Float:
 def learned_scale(residuals: Float) -> Float:
     """Root mean square of standardised residuals by channel, never below the sensor's own noise (1)."""
     with np.errstate(invalid="ignore"):
-        power = np.array([np.mean(c[np.isfinite(c)] ** 2) if np.isfinite(c).any() else 1.0 for c in residuals.T])
-    return np.sqrt(np.maximum(1.0, power))
+        power = np.array(
+            [np.mean(c[np.isfinite(c)] ** 2) if np.isfinite(c).any() else 1.0 for c in residuals.T]
+        )
+    return np.asarray(np.sqrt(np.maximum(1.0, power)))
 
 
 def model_weights(scores: Float, seed: int = 0) -> Float:

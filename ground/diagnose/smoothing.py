@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +90,7 @@ def _filter(space: StateSpace, intensity: float) -> _Passed:
         log_likelihood += gained
         mean[k], covariance[k] = x, p
         if k + 1 < count:
-            x, slope[k] = _linearised(lambda s, k=k: space.transition(k, s), x, space.perturbation)
+            x, slope[k] = _linearised(partial(space.transition, k), x, space.perturbation)
             p = slope[k] @ p @ slope[k].T
             p[-1, -1] += intensity * (space.times_s[k + 1] - space.times_s[k])
             p = 0.5 * (p + p.T) + np.diag(1e-12 * space.perturbation**2)
@@ -101,7 +102,7 @@ def _update(space: StateSpace, k: int, x: Float, p: Float) -> tuple[Float, Float
     seen = np.isfinite(space.observed[k])
     if not seen.any():
         return x, p, 0.0
-    output, sensitivity = _linearised(lambda s: space.measurement(k, s), x, space.perturbation)
+    output, sensitivity = _linearised(partial(space.measurement, k), x, space.perturbation)
     h = sensitivity[seen]
     innovation = space.observed[k][seen] - output[seen]
     spread = h @ p @ h.T + np.diag(space.noise_std[seen] ** 2)

@@ -1,0 +1,212 @@
+"""From the search's end to findings in the contract's terms, and the verdict."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ground.diagnose.candidates import Candidate
+from ground.diagnose.evidence import LocatedForce
+from ground.diagnose.fit import Fit
+from ground.diagnose.name import Chosen, Named
+from ground.diagnose.result import Alternative, Estimate, Finding, Interval, Verdict
+from ground.diagnose.segments import Segment
+from sim_hal.plant.expressions import parse, to_text
+from sim_hal.plant.plant import check_use
+
+Float = NDArray[np.float64]
+
+UNDECIDED = 0.5
+"""A name less probable than this is not claimed: the verdict is then undecidable."""
+EXCESS = 1.5
+"""Standardised rms above which residuals say that something is there, though no candidate explains it."""
+SHARE_OF_GAIN = 0.8
+"""The intervals named are the stretches that bring this share of the improvement."""
+PHASES = {
+    "magnet": "release",
+    "latch": "release",
+    "ground_contact": "stance",
+    "body_momentum": "stance",
+    "leg_momentum": "stance",
+    "ballistic": "flight",
+}
+
+
+def findings_of(
+    named: Named, refit: Fit, segments: Sequence[Segment], forces: Sequence[LocatedForce]
+) -> tuple[Finding, ...]:
+    """One finding for each effect that joined the plant, the one whose absence would cost the most first."""
+    by_size = sorted(named.chosen, key=lambda chosen: -chosen.chi2_without)
+    return tuple(finding_of(chosen, named.fit, refit, segments, forces) for chosen in by_size)
+
+
+def finding_of(
+    chosen: Chosen, fit: Fit, refit: Fit, segments: Sequence[Segment], forces: Sequence[LocatedForce]
+) -> Finding:
+    """One effect in the contract's terms."""
+    candidate = chosen.candidate
+    values, parameters = estimates(candidate, fit)
+    rivals = [(c, w * chosen.probability_better) for c, w in chosen.weights]
+    own = next(w for c, w in rivals if c is candidate)
+    return Finding(
+        kind="sensor" if candidate.effect.kind == "sensor" else "physics",
+        phase=phase_of(candidate, fit),
+        equation=candidate.equation,
+        channels=channels_of(candidate, fit, refit),
+        intervals=intervals_of(fit, refit, segments),
+        regime=regime_of(candidate, forces),
+        physics_id=candidate.physics_id,
+        probability=own,
+        alternatives=tuple(Alternative(c.physics_id, w) for c, w in rivals if c is not candidate),
+        statement=with_units(candidate, values, parameters),
+        formula=formula_of(candidate, fit),
+        parameters=parameters,
+    )
+
+
+def estimates(candidate: Candidate, fit: Fit) -> tuple[dict[str, float], dict[str, Estimate]]:
+    """Fitted parameters of an effect by own name: plain values, and with sigma and unit."""
+    use = candidate.uses[0]
+    prefix = fit.plant.prefix(use)
+    stored = {name: p for name, p in fit.plant.flat().items() if name.startswith(prefix + ".")}
+    found = {}
+    for flat, parameter in stored.items():
+        name = flat.removeprefix(prefix + ".")
+        value = fit.values.get(flat, parameter.value)
+        found[name] = Estimate(value, fit.std.get(flat, 0.0), parameter.unit)
+    return {name: estimate.value for name, estimate in found.items()}, found
+
+
+def with_units(candidate: Candidate, values: dict[str, float], parameters: dict[str, Estimate]) -> str:
+    """The effect's sentence for a person, sizes with sigma and unit."""
+    sizes = {
+        name: f"{e.value:.3g} ± {e.std:.1g} {e.unit if e.unit != '1' else ''}".rstrip()
+        for name, e in parameters.items()
+    }
+    return candidate.effect.sentence.format(**sizes)
+
+
+def phase_of(candidate: Candidate, fit: Fit) -> str:
+    """The phase of the taxonomy that an effect shows in."""
+    if candidate.effect.kind == "sensor" or fit.plant.kind not in ("drive", "hop"):
+        return "whole_run"
+    return "tensioning" if fit.plant.kind == "drive" else PHASES.get(candidate.equation, "whole_run")
+
+
+def channels_of(candidate: Candidate, fit: Fit, refit: Fit) -> tuple[str, ...]:
+    """The channels in which the extended plant fits better, the most improved first."""
+    if candidate.channel is not None:
+        return (candidate.channel,)
+    names = tuple(fit.plant.structure.outputs)
+    before = np.sum(refit.residuals.reshape(-1, len(names)) ** 2, axis=0)
+    after = np.sum(fit.residuals.reshape(-1, len(names)) ** 2, axis=0)
+    gained = before - after
+    order = np.argsort(gained)[::-1]
+    return tuple(names[i] for i in order if gained[i] > 0.05 * gained.max())
+
+
+def intervals_of(fit: Fit, refit: Fit, segments: Sequence[Segment], most: int = 8) -> tuple[Interval, ...]:
+    """The stretches of the fitted recordings that the improvement comes from, neighbours joined."""
+    gains, places = [], []
+    offset = 0
+    for segment in segments:
+        size = segment.observed.size
+        width = segment.observed.shape[1]
+        power = refit.residuals[offset : offset + size] ** 2 - fit.residuals[offset : offset + size] ** 2
+        offset += size
+        edges = np.linspace(0, segment.samples, 9).round().astype(int)
+        for a, b in itertools.pairwise(edges):
+            if b > a:
+                gains.append(float(power.reshape(-1, width)[a:b].sum()))
+                places.append(Interval(segment.run_name, *map(float, segment.run.times_s[[a, b - 1]])))
+    order = np.argsort(gains)[::-1]
+    total = sum(gain for gain in gains if gain > 0.0)
+    reached, kept = 0.0, []
+    for i in order:
+        if reached >= SHARE_OF_GAIN * total or gains[i] <= 0.0:
+            break
+        reached += gains[i]
+        kept.append(int(i))
+    return join([places[i] for i in sorted(kept)])[:most]
+
+
+def join(intervals: Sequence[Interval]) -> tuple[Interval, ...]:
+    """Neighbouring intervals of one run as one."""
+    joined: list[Interval] = []
+    for interval in intervals:
+        last = joined[-1] if joined else None
+        if (
+            last
+            and last.run == interval.run
+            and interval.from_s - last.to_s < 0.05 * (interval.to_s - last.from_s)
+        ):
+            joined[-1] = Interval(last.run, last.from_s, interval.to_s)
+        else:
+            joined.append(interval)
+    return tuple(joined)
+
+
+def regime_of(candidate: Candidate, forces: Sequence[LocatedForce]) -> str:
+    """In words, what the missing force of this equation depends on."""
+    force = next((f for f in forces if f.equation == candidate.equation), None)
+    if force is None:
+        return "Regime not resolved."
+    cause, share = max(force.explained.items(), key=lambda item: item[1])
+    if share < 0.2:
+        return "The missing force of this equation follows none of speed, position, load or time alone."
+    return f"Before the extension, {cause} alone explains {share:.0%} of this equation's missing force."
+
+
+def formula_of(candidate: Candidate, fit: Fit) -> str:
+    """The effect's formula, in the catalogue's symbols."""
+    form = check_use(
+        fit.plant,
+        next(u for u in fit.plant.effects if fit.plant.prefix(u) == fit.plant.prefix(candidate.uses[0])),
+    )
+    if form.dry:
+        forward, backward = (to_text(parse(text)) for text in form.dry)
+        law = (
+            f"-({forward}) * sign(v)"
+            if forward == backward
+            else f"-({forward}) forward, +({backward}) backward"
+        )
+        return f"{law}; at v = 0 any force up to that"
+    if form.sensor or form.delay:
+        return to_text(parse(form.sensor)) if form.sensor else "y(t - delay)"
+    if form.inertia:
+        return f"-({to_text(parse(form.inertia))}) * rate(v)"
+    parts = [to_text(parse(form.force))] if form.force else []
+    parts += [f"{port} + ({text})" for port, text in form.terms.items()]
+    parts += [f"{port} * ({text})" for port, text in form.factors.items()]
+    parts += [f"d{name}/dt = {state.rate}" for name, state in form.states.items()]
+    return "; ".join(parts)
+
+
+def verdict_of(findings: Sequence[Finding], fit: Fit, segments: Sequence[Segment]) -> Verdict:
+    """Mismatch when something is named; undecidable when something is there that no name fits."""
+    if any(finding.probability >= UNDECIDED for finding in findings):
+        return "mismatch"
+    seen = np.concatenate([np.isfinite(segment.observed).ravel() for segment in segments])
+    rms = float(np.sqrt(np.mean(fit.residuals[seen] ** 2)))
+    return "undecidable" if findings or rms > EXCESS else "consistent"
+
+
+def next_run(named: Named, findings: Sequence[Finding]) -> str | None:
+    """What run would tell the remaining alternatives apart."""
+    open_names = [
+        (finding.physics_id, rival.physics_id)
+        for finding in findings
+        for rival in finding.alternatives
+        if rival.probability > 0.05
+    ]
+    if not open_names:
+        return None
+    one, other = open_names[0]
+    return (
+        f"A run that moves slowly and steadily, and one at several steady speeds and loads, would tell "
+        f"{one.replace('_', ' ')} from {other.replace('_', ' ')}: their forces part most where speed or load is far "
+        "from what these recordings hold."
+    )

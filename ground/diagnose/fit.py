@@ -1,0 +1,298 @@
+"""Maximum a posteriori fit of a plant to recordings, by output error.
+
+Unknowns are the plant's parameters within their tolerances (the tolerance is a Gaussian prior, cut at
+`PRIOR_REACH` sigmas), the parameters of the effects in it, and the initial states that a recording leaves open.
+All are scaled to order one. Gauss-Newton on simulated sensitivities.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ground.diagnose.gauss_newton import minimise
+from ground.diagnose.segments import Segment
+from sim_hal.plant.simulate import CompiledPlant, Plant, SimulationError, compile_plant
+
+Float = NDArray[np.float64]
+Ranges = Mapping[str, tuple[float, float, float]]
+
+PRIOR_REACH = 3.0
+STEP = 1e-3
+"""Finite-difference step in scaled units: far above the integrator's error, far below a sigma."""
+BLOWN_UP = 1e4
+"""Standardised residual given to every sample of a simulation that did not get through."""
+
+
+@dataclass(frozen=True)
+class Free:
+    """One fitted quantity: value = centre + scale * z, with low <= value <= high.
+
+    `prior` says whether the scale is a prior standard deviation (a tolerance) or only a scale (an effect).
+    `segment` is the index of the segment whose initial state it is, or None for a parameter of the plant.
+    """
+
+    name: str
+    centre: float
+    scale: float
+    low: float
+    high: float
+    prior: bool
+    segment: int | None = None
+
+    def bounds(self) -> tuple[float, float]:
+        return (self.low - self.centre) / self.scale, (self.high - self.centre) / self.scale
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted plant. `z` are the scaled unknowns, `residuals` the standardised ones of all segments, stacked."""
+
+    plant: Plant
+    values: dict[str, float]
+    std: dict[str, float]
+    z: Float
+    residuals: Float
+    jacobian: Float
+    initial: tuple[dict[str, float], ...]
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared standardised residuals, without the priors."""
+        return float(self.residuals @ self.residuals)
+
+
+class FitProblem:
+    """A plant with chosen effects on given segments: residuals and sensitivities in scaled unknowns.
+
+    `ranges` gives the fit start, lower and upper limit of each effect parameter that has no prior of its own, by
+    flat name. With `frozen` values nothing is fitted but the open initial states.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        segments: Sequence[Segment],
+        sigmas: Float,
+        ranges: Ranges,
+        frozen: Mapping[str, float] | None = None,
+    ) -> None:
+        self.plant = plant
+        self.compiled: CompiledPlant = compile_plant(plant)
+        self.segments = tuple(segments)
+        self.sigmas = sigmas
+        self._index = {name: i for i, name in enumerate(self.compiled.parameter_names)}
+        self._base = self.compiled.values.copy()
+        for name, value in (frozen or {}).items():
+            self._base[self._index[name]] = value
+        parameters = [] if frozen is not None else self._parameters(ranges)
+        self.free = parameters + self._initial_states()
+        sizes = [segment.observed.size for segment in segments]
+        self._edges = np.concatenate([[0], np.cumsum(sizes)])
+
+    def _parameters(self, ranges: Ranges) -> list[Free]:
+        """What is fitted: effect parameters within their ranges, nominal ones within their tolerances."""
+        used = {str(s.recording.conditions.get("surface", "")) for s in self.segments}
+        free: list[Free] = []
+        for name, parameter in self.plant.flat().items():
+            surface = name.split(".")[0]
+            if surface in self.plant.surfaces and surface not in used:
+                continue
+            if name in ranges:
+                start, low, high = ranges[name]
+                scale = max(abs(start), 1e-3 * (high - low))
+                free.append(Free(name, start, scale, low, high, prior=False))
+            elif parameter.std > 0.0:
+                reach = PRIOR_REACH * parameter.std
+                low, high = parameter.value - reach, parameter.value + reach
+                if parameter.value > 0.0:  # no sign change: masses, stiffnesses, resistances
+                    low = max(low, 1e-3 * parameter.value)
+                free.append(Free(name, parameter.value, parameter.std, low, high, prior=True))
+        return free
+
+    def _initial_states(self) -> list[Free]:
+        free: list[Free] = []
+        for number, segment in enumerate(self.segments):
+            for state in self.compiled.fitted_initial_states:
+                guess, scale = initial_guess(self.compiled, self._base, segment, state)
+                free.append(Free(state, guess, scale, -np.inf, np.inf, prior=False, segment=number))
+        return free
+
+    def values(self, z: Float) -> Float:
+        """The flat parameter vector of the compiled plant."""
+        values = self._base.copy()
+        for free, scaled in zip(self.free, z, strict=True):
+            if free.segment is None:
+                values[self._index[free.name]] = free.centre + free.scale * scaled
+        return values
+
+    def initial(self, z: Float, number: int) -> dict[str, float]:
+        """Initial states of one segment that the recording leaves open."""
+        return {
+            free.name: free.centre + free.scale * scaled
+            for free, scaled in zip(self.free, z, strict=True)
+            if free.segment == number
+        }
+
+    def segment_residuals(self, z: Float, number: int, values: Float) -> Float:
+        """Standardised residuals of one segment, (samples * outputs,); missing samples are 0."""
+        segment = self.segments[number]
+        try:
+            predicted = self.compiled.run(values, segment.run, self.initial(z, number))
+        except SimulationError:
+            return np.full(segment.observed.size, BLOWN_UP)
+        scaled = (segment.observed - predicted) / self.sigmas
+        return np.clip(np.nan_to_num(scaled, nan=0.0), -BLOWN_UP, BLOWN_UP).ravel()
+
+    def residuals(self, z: Float) -> Float:
+        """Standardised residuals of all segments, stacked."""
+        values = self.values(z)
+        return np.concatenate([self.segment_residuals(z, i, values) for i in range(len(self.segments))])
+
+    def sensitivities(self, z: Float, base: Float) -> Float:
+        """Derivative of the residuals by each unknown, (rows, unknowns), by one-sided differences."""
+        jacobian = np.zeros((base.size, len(self.free)))
+        for column, free in enumerate(self.free):
+            _low, high = free.bounds()
+            step = STEP if z[column] + STEP <= high else -STEP
+            moved = z.copy()
+            moved[column] += step
+            values = self.values(moved)
+            numbers = range(len(self.segments)) if free.segment is None else [free.segment]
+            for number in numbers:
+                rows = slice(self._edges[number], self._edges[number + 1])
+                jacobian[rows, column] = (self.segment_residuals(moved, number, values) - base[rows]) / step
+        return jacobian
+
+    def start(self, known: Mapping[str, float]) -> Float:
+        """Scaled start: the values of an earlier fit where it had them, else the centres."""
+        z = np.zeros(len(self.free))
+        for i, free in enumerate(self.free):
+            if free.segment is None and free.name in known:
+                z[i] = (known[free.name] - free.centre) / free.scale
+            low, high = free.bounds()
+            z[i] = min(max(z[i], low + 1e-9), high - 1e-9)
+        return z
+
+    def start_at(self, initial: Sequence[Mapping[str, float]]) -> Float:
+        """Scaled start with given initial states, (per segment, by name); parameters at their centres."""
+        z = np.zeros(len(self.free))
+        for i, free in enumerate(self.free):
+            if free.segment is not None:
+                z[i] = (initial[free.segment][free.name] - free.centre) / free.scale
+        return z
+
+    def settle_initial_states(self) -> Float:
+        """Best open initial states with all parameters as they are (used where everything else is frozen)."""
+        z = np.zeros(len(self.free))
+        if z.size == 0:
+            return z
+        none = np.full(z.size, np.inf)
+        return minimise(self.residuals, self.sensitivities, z, -none, none, tolerance=1e-8, iterations=15)[0]
+
+
+def initial_guess(
+    compiled: CompiledPlant, values: Float, segment: Segment, state: str
+) -> tuple[float, float]:
+    """First guess of an initial state that is to be fitted, and the change of it that moves the outputs by 1 %."""
+    head = head_of(segment)
+    start = compiled.initial_values(values, head.run)
+    guess = start[state]
+    try:
+        here = compiled.run(values, head.run, start)
+        there = compiled.run(values, head.run, {**start, state: guess + 1.0})
+    except SimulationError:
+        return guess, 1.0
+    spread = np.nanmax(segment.observed, axis=0) - np.nanmin(segment.observed, axis=0)
+    moved = (there - here) / np.where(spread > 0.0, spread, 1.0)
+    strength = float(np.sqrt(np.mean(moved**2)))
+    return guess, 1e-2 / strength if strength > 0.0 else 1.0
+
+
+def head_of(segment: Segment, share: float = 0.03, least: int = 30) -> Segment:
+    """The first samples of a segment: what an unstated initial state may be read from."""
+    count = min(segment.samples, max(least, int(share * segment.samples)))
+    run = replace(
+        segment.run,
+        times_s=segment.run.times_s[:count],
+        inputs={name: values[:count] for name, values in segment.run.inputs.items()},
+    )
+    return replace(segment, run=run, observed=segment.observed[:count])
+
+
+def fit_plant(
+    plant: Plant,
+    segments: Sequence[Segment],
+    sigmas: Float,
+    ranges: Ranges,
+    known: Mapping[str, float] | None = None,
+    *,
+    tolerance: float = 1e-4,
+    iterations: int = 25,
+) -> Fit:
+    """Fit `plant` to all segments together; `known` are values to start from.
+
+    `tolerance` is the relative gain in chi-square below which the fit is done. Parameter sigmas are
+    cluster-robust (see `robust_covariance`).
+    """
+    problem = FitProblem(plant, segments, sigmas, ranges)
+    prior = np.array([1.0 if free.prior else 0.0 for free in problem.free])
+    rows = sum(segment.observed.size for segment in segments)
+
+    def cost(z: Float) -> Float:
+        return np.concatenate([problem.residuals(z), prior * z])
+
+    def slope(z: Float, base: Float) -> Float:
+        return np.vstack([problem.sensitivities(z, base[:rows]), np.diag(prior)])
+
+    z = problem.start(known or {})
+    low, high = np.array([free.bounds() for free in problem.free]).reshape(-1, 2).T
+    z, residuals, jacobian = minimise(cost, slope, z, low, high, tolerance=tolerance, iterations=iterations)
+    residuals, jacobian = residuals[:rows], jacobian[:rows]
+    sigma = np.sqrt(np.diag(robust_covariance(jacobian, residuals, prior, problem)))
+    named = [i for i, free in enumerate(problem.free) if free.segment is None]
+    return Fit(
+        plant=problem.plant,
+        values={
+            problem.free[i].name: float(problem.free[i].centre + problem.free[i].scale * z[i]) for i in named
+        },
+        std={problem.free[i].name: float(problem.free[i].scale * sigma[i]) for i in named},
+        z=z,
+        residuals=residuals,
+        jacobian=jacobian,
+        initial=tuple(problem.initial(z, number) for number in range(len(problem.segments))),
+    )
+
+
+def robust_covariance(jacobian: Float, residuals: Float, prior: Float, problem: FitProblem) -> Float:
+    """Covariance of the scaled unknowns by the clustered sandwich (Liang and Zeger 1986).
+
+    Residuals that a wrong model leaves are correlated over time, so counting samples would claim far too much.
+    The scores are summed over blocks and their scatter taken as it is; never less than the inverse information.
+    """
+    information = jacobian.T @ jacobian + np.diag(prior)
+    bread = np.linalg.pinv(information)
+    meat = np.diag(prior)
+    for rows in blocks(problem.segments):
+        score = jacobian[rows].T @ residuals[rows]
+        meat = meat + np.outer(score, score)
+    sandwich = bread @ meat @ bread
+    grow = np.sqrt(np.maximum(1.0, np.diag(bread) / np.maximum(np.diag(sandwich), 1e-300)))
+    return sandwich * np.outer(grow, grow)
+
+
+def blocks(segments: Sequence[Segment], wanted: int = 24) -> list[slice]:
+    """Row ranges of the stacked residuals that count as independent: each segment cut into equal stretches."""
+    each = max(1, round(wanted / max(1, len(segments))))
+    ranges: list[slice] = []
+    offset = 0
+    for segment in segments:
+        width = segment.observed.shape[1]
+        edges = np.linspace(0, segment.samples, each + 1).round().astype(int) * width + offset
+        ranges += [slice(int(a), int(b)) for a, b in itertools.pairwise(edges) if b > a]
+        offset += segment.observed.size
+    return ranges

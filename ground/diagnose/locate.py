@@ -1,0 +1,186 @@
+"""Locate: the force that each balance equation lacks, smoothed from a recording without assuming its form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ground.diagnose.evidence import LocatedForce
+from ground.diagnose.fit import Fit
+from ground.diagnose.segments import Segment
+from ground.diagnose.smoothing import Smoothed, StateSpace, smooth
+from sim_hal.plant.simulate import MISSING_FORCE, CompiledPlant, Plant, compile_plant, probes
+
+Float = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+STEPS = 1200
+"""Steps that a recording is smoothed in; the inputs still act at every sample."""
+SEARCH_STEPS = 300
+SHARES = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
+"""Intensities tried: the missing force's wander over the recording, as multiples of the typical force."""
+FINEST = 1e-5
+"""Share of a channel's range that a reading is trusted to at best; keeps the filter's matrices sound."""
+BINS = 24
+
+
+def locate(
+    fit: Fit, segment: Segment, sigmas: Float, scales: Mapping[str, Mapping[str, float]]
+) -> list[LocatedForce]:
+    """The missing force of each balance that can be smoothed, likeliest first. `segment` is one whole recording."""
+    found: list[LocatedForce] = []
+    if fit.plant.structure.flags or fit.plant.structure.memories:
+        return found  # what such a plant remembers is not in its states, so it cannot be restarted at each sample
+    for name in fit.plant.structure.balances:
+        typical = scales.get(name, {}).get("F")
+        if typical is None:
+            continue
+        located = locate_in(fit, segment, sigmas, name, typical)
+        if located is not None:
+            found.append(located)
+    return sorted(found, key=lambda force: -force.log_likelihood_gain)
+
+
+def locate_in(fit: Fit, segment: Segment, sigmas: Float, balance: str, typical: float) -> LocatedForce | None:
+    """The missing force of one balance; None where it does not act on what was measured."""
+    plant = fit.plant.with_values(fit.values)
+    space = state_space(plant, balance, thinned(segment, STEPS), sigmas, typical)
+    coarse = state_space(plant, balance, thinned(segment, SEARCH_STEPS), sigmas, typical)
+    duration = segment.run.times_s[-1] - segment.run.times_s[0]
+    intensities = [(share * typical) ** 2 / duration for share in SHARES]
+    likelihoods = [smooth(coarse, q).log_likelihood for q in intensities]
+    still = smooth(coarse, 1e-6 * intensities[0]).log_likelihood
+    best = int(np.argmax(likelihoods))
+    smoothed = smooth(space, intensities[best])
+    if not np.isfinite(smoothed.force).all() or smoothed.force_std.min() > typical:
+        return None
+    series = cause_series(plant, balance, segment, space, smoothed)
+    return LocatedForce(
+        equation=balance,
+        run=segment.run_name,
+        unit=plant.structure.balances[balance].unit,
+        times_s=space.times_s,
+        before=smoothed.force,
+        before_std=smoothed.force_std,
+        after=None,
+        causes=series,
+        explained={name: explained_by(values, smoothed.force) for name, values in series.items()},
+        log_likelihood_gain=likelihoods[best] - still,
+    )
+
+
+def still_missing(
+    force: LocatedForce, fit: Fit, segment: Segment, sigmas: Float, typical: float
+) -> LocatedForce:
+    """The same with what the extended plant still lacks."""
+    after = locate_in(fit, segment, sigmas, force.equation, typical)
+    return force if after is None else replace(force, after=after.before)
+
+
+def thinned(segment: Segment, steps: int) -> tuple[Segment, NDArray[np.int64]]:
+    """The segment and the sample numbers at which it is smoothed."""
+    count = min(steps, segment.samples)
+    return segment, np.unique(np.linspace(0, segment.samples - 1, count).round().astype(np.int64))
+
+
+def state_space(
+    plant: Plant, balance: str, thin: tuple[Segment, NDArray[np.int64]], sigmas: Float, typical: float
+) -> StateSpace:
+    """The plant with its missing force as last state, from chosen sample to chosen sample."""
+    segment, at = thin
+    compiled = compile_plant(plant, missing_force=balance)
+    names = compiled.state_names
+    order = [names.index(name) for name in names if name != MISSING_FORCE] + [names.index(MISSING_FORCE)]
+    start = compiled.initial_values(compiled.values, segment.run)
+    size = state_sizes(compiled, segment)[order]
+    size[-1] = typical
+    spread = np.nanmax(segment.observed, axis=0) - np.nanmin(segment.observed, axis=0)
+    floor = FINEST * np.where(np.isfinite(spread), spread, 0.0)
+
+    def transition(k: int, states: Float) -> Float:
+        part = cut_run(segment, int(at[k]), int(at[k + 1]) + 1)
+        return np.vstack([follow(compiled, part, names, order, row)[0][-1] for row in states])
+
+    def measurement(k: int, states: Float) -> Float:
+        part = cut_run(segment, int(at[k]), int(at[k]) + 1)
+        return np.vstack([follow(compiled, part, names, order, row)[1][0] for row in states])
+
+    return StateSpace(
+        transition=transition,
+        measurement=measurement,
+        times_s=segment.run.times_s[at],
+        observed=segment.observed[at],
+        noise_std=np.maximum(floor, np.minimum(sigmas, 0.1 * spread)),
+        start=np.array([start[names[i]] for i in order]),
+        start_std=np.append(0.1 * size[:-1], typical),
+        perturbation=1e-4 * size,
+    )
+
+
+def follow(
+    compiled: CompiledPlant, part: Segment, names: tuple[str, ...], order: list[int], state: Float
+) -> tuple[Float, Float]:
+    """States (samples, n) in the smoother's order, and outputs (samples, m), from a given state on."""
+    initial = {names[i]: float(value) for i, value in zip(order, state, strict=True)}
+    outputs, states = compiled.run_with_states(compiled.values, part.run, initial)
+    return states[:, order], outputs
+
+
+def state_sizes(compiled: CompiledPlant, segment: Segment) -> Float:
+    """Typical magnitude of each state along the recording; 1 for one that does not move."""
+    states = np.abs(compiled.states(compiled.values, segment.run))
+    size = np.percentile(states, 95.0, axis=0)
+    return np.where(size > 0.0, size, 1.0)
+
+
+def cut_run(segment: Segment, start: int, stop: int) -> Segment:
+    """The samples `start:stop` of a segment."""
+    run = replace(
+        segment.run,
+        times_s=segment.run.times_s[start:stop],
+        inputs={name: values[start:stop] for name, values in segment.run.inputs.items()},
+    )
+    return replace(segment, run=run, observed=segment.observed[start:stop])
+
+
+def cause_series(
+    plant: Plant, balance: str, segment: Segment, space: StateSpace, smoothed: Smoothed
+) -> dict[str, Float]:
+    """What the missing force may depend on, along the smoothed motion: velocity, position, load as known, time."""
+    compiled = compile_plant(plant, missing_force=balance, extra=probes(plant, balance))
+    names = compiled.state_names
+    order = [names.index(name) for name in names if name != MISSING_FORCE] + [names.index(MISSING_FORCE)]
+    outputs = len(plant.structure.outputs)
+    at = np.searchsorted(segment.run.times_s, space.times_s)
+    rows = np.empty((at.size, len(compiled.output_names) - outputs))
+    for k, sample in enumerate(at):
+        state = np.append(smoothed.states[k], 0.0)
+        part = cut_run(segment, int(sample), int(sample) + 1)
+        rows[k] = follow(compiled, part, names, order, state)[1][0][outputs:]
+    labels = [name.removeprefix(f"{balance}.") for name in compiled.output_names[outputs:]]
+    series = {label: rows[:, i] for i, label in enumerate(labels) if np.ptp(rows[:, i]) > 0.0}
+    return series | {"time": space.times_s}
+
+
+def explained_by(cause: Float, force: Float) -> float:
+    """Share of the force's variance that a free function of the cause explains where it was not fitted.
+
+    Bin means from one half of the recording (alternate tenths) are tried on the other half, so that a cause with
+    many values gains nothing by chance; never below 0.
+    """
+    fold = (np.arange(force.size) * 10 // force.size) % 2
+    edges = np.quantile(cause, np.linspace(0.0, 1.0, BINS + 1)[1:-1])
+    bins = np.digitize(cause, edges)
+    left = 0.0
+    for half in (0, 1):
+        train, test = fold != half, fold == half
+        counts = np.bincount(bins[train], minlength=BINS)
+        sums = np.bincount(bins[train], weights=force[train], minlength=BINS)
+        means = np.where(counts > 0, sums / np.maximum(counts, 1), force[train].mean())
+        left += float(np.sum((force[test] - means[bins[test]]) ** 2))
+    total = float(np.sum((force - force.mean()) ** 2))
+    return 0.0 if total == 0.0 else max(0.0, 1.0 - left / total) if math.isfinite(left) else 0.0

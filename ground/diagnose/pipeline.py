@@ -1,0 +1,212 @@
+"""The whole diagnosis: refit, locate, name, model, verify; from files to files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ground.diagnose.evidence import Evidence, LocatedForce
+from ground.diagnose.findings import findings_of, next_run, verdict_of
+from ground.diagnose.fit import PRIOR_REACH, Fit, fit_plant
+from ground.diagnose.locate import locate, still_missing
+from ground.diagnose.name import Named, Search
+from ground.diagnose.result import Diagnosis
+from ground.diagnose.scales import find_scales
+from ground.diagnose.segments import (
+    Segment,
+    channel_sigmas,
+    segment_of,
+    segments_to_fit,
+    sensor_sigma,
+    sigma_vector,
+    split_last_part,
+)
+from ground.diagnose.verify import Verified, verify, windowed_rms
+from ground.recordings.model import Recording
+from sim_hal.plant.simulate import Plant, compile_plant
+
+Float = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+HELD_OUT_SHARE = 0.25
+"""Last part of a single recording that the fit never sees."""
+LEAST_SAMPLES = 50
+
+
+class DiagnosisError(ValueError):
+    """The recordings cannot be diagnosed with this plant; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """Recordings split into what is fitted and what is held out, as segments of the plant."""
+
+    fitted: tuple[Recording, ...]
+    held_out: tuple[Recording, ...]
+    windows: tuple[Segment, ...]
+    whole: tuple[Segment, ...]
+    held_out_whole: tuple[Segment, ...]
+    held_out_windows: tuple[Segment, ...]
+    sigmas: Float
+    noise: Mapping[str, float]
+    single: bool
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A diagnosis with its extended plant and the evidence to show."""
+
+    diagnosis: Diagnosis
+    plant: Plant
+    evidence: Evidence
+
+
+def prepare(recordings: Sequence[Recording], plant: Plant) -> Data:
+    """Split whole recordings into fitted and held out; one recording alone gives its last part away."""
+    for recording in recordings:
+        if recording.times_s.size < LEAST_SAMPLES:
+            raise DiagnosisError(
+                f"{recording.source or recording.run}: {recording.times_s.size} samples; a diagnosis needs at least "
+                f"{LEAST_SAMPLES} in each recording"
+            )
+    if not recordings:
+        raise DiagnosisError("no recordings were given")
+    if len(recordings) == 1:
+        first, last = split_last_part(recordings[0], HELD_OUT_SHARE)
+        fitted: tuple[Recording, ...] = (first,)
+        held_out: tuple[Recording, ...] = (last,)
+    else:
+        count = max(1, len(recordings) // 4)
+        fitted, held_out = tuple(recordings[:-count]), tuple(recordings[-count:])
+    compiled = compile_plant(plant)
+    names = compiled.output_names
+    sigmas = channel_sigmas(fitted, plant, names)
+    return Data(
+        fitted=fitted,
+        held_out=held_out,
+        windows=segments_to_fit(fitted, plant, compiled),
+        whole=tuple(segment_of(r, plant, compiled) for r in fitted),
+        held_out_whole=tuple(segment_of(r, plant, compiled) for r in held_out),
+        held_out_windows=segments_to_fit(held_out, plant, compiled),
+        sigmas=sigma_vector(sigmas, names),
+        noise={name: sensor_sigma(fitted, plant, name) for name in sigmas},
+        single=len(recordings) == 1,
+    )
+
+
+def diagnose(recordings: Sequence[Recording], plant: Plant, progress: Progress) -> Outcome:
+    """Compare the plant's simulation with the recordings and say what it lacks.
+
+    Raises `DiagnosisError`, `RecordingError` or `SimulationError`, all with words for a person.
+    """
+    data = prepare(recordings, plant)
+    progress("refitting the plant's own parameters")
+    refit = fit_plant(plant, data.windows, data.sigmas, {})
+    scales = find_scales(refit, data.windows)
+    progress("locating what is missing")
+    forces = locate(refit, data.whole[0], data.sigmas, scales)
+    named = Search(data.windows, data.sigmas, scales, progress).run(refit)
+    progress("verifying on what was held out")
+    refitted = plant.with_values(refit.values)
+    extended = settled_plant(named.fit, plant)
+    plants = {"nominal": plant, "refit": refitted, "extended": extended}
+    verified = verify(plants, data.held_out_whole, data.sigmas, data.noise)
+    if named.chosen and forces:
+        typical = scales[forces[0].equation]["F"]
+        forces[0] = still_missing(forces[0], named.fit, data.whole[0], data.sigmas, typical)
+    result = conclude(data, plant, refit, named, verified, forces, plants)
+    return Outcome(result, extended, Evidence(verified.traces, tuple(forces)))
+
+
+def settled_plant(fit: Fit, given: Plant) -> Plant:
+    """The plant that the fit found: effects with their sigmas; nominal parameters at their fitted values.
+
+    A nominal parameter keeps the smaller of its tolerance and its fitted sigma.
+    """
+    stated = given.flat()
+    std = {name: min(sigma, stated[name].std) if name in stated else sigma for name, sigma in fit.std.items()}
+    return fit.plant.with_values(fit.values, std)
+
+
+def conclude(
+    data: Data,
+    plant: Plant,
+    refit: Fit,
+    named: Named,
+    verified: Verified,
+    forces: Sequence[LocatedForce],
+    plants: Mapping[str, Plant],
+) -> Diagnosis:
+    """Put the answer together."""
+    findings = findings_of(named, refit, data.windows, forces)
+    windows = {name: windowed_rms(p, data.held_out_windows, data.sigmas) for name, p in plants.items()}
+    return Diagnosis(
+        plant=plant.name,
+        fitted=tuple(r.run for r in data.fitted),
+        held_out=tuple(r.run for r in data.held_out),
+        verdict=verdict_of(findings, named.fit, data.windows),
+        findings=findings,
+        fit=verified.fit,
+        residual_whiteness=verified.whiteness,
+        next_experiment=next_run(named, findings),
+        notes=notes_of(data, refit, named),
+        details={
+            "windowed_rms": {
+                channel: {name: float(np.sqrt(np.mean(windows[name][channel] ** 2))) for name in plants}
+                for channel in verified.fit
+            },
+            "nominal_parameters": {
+                name: {
+                    "refit": refit.values[name],
+                    "extended": named.fit.values[name],
+                    "std": named.fit.std[name],
+                }
+                for name in refit.values
+            },
+            "located": [
+                {
+                    "equation": f.equation,
+                    "log_likelihood_gain": f.log_likelihood_gain,
+                    "explained": dict(f.explained),
+                }
+                for f in forces
+            ],
+        },
+    )
+
+
+def notes_of(data: Data, refit: Fit, named: Named) -> tuple[str, ...]:
+    """What a reader must keep in mind."""
+    notes = []
+    if data.single:
+        notes.append(
+            f"There was one recording: its last {HELD_OUT_SHARE:.0%} was held out, so what changes from run to run "
+            "was not tested. A second recording would."
+        )
+    stated = refit.plant.flat()
+    for name, value in named.fit.values.items():
+        if name in stated and stated[name].std > 0.0:
+            away = (value - stated[name].value) / stated[name].std
+            if abs(away) > PRIOR_REACH - 0.01:
+                notes.append(f"{name} ends at the edge of its tolerance ({away:+.1f} sigma).")
+    refused = ", ".join(f"{candidate.label} ({p:.2f})" for candidate, p in named.refused)
+    if refused:
+        notes.append(f"Tried last and not taken (probability of predicting better in brackets): {refused}.")
+    return tuple(notes)
+
+
+def write_outcome(outcome: Outcome, folder: Path) -> None:
+    """Write diagnosis.json, plant.yaml and report.html, each whole or not at all."""
+    from ground.files import write_atomic
+    from ground.report.diagnosis_page import write_diagnosis_page
+    from sim_hal.plant.simulate import save_plant
+
+    folder.mkdir(parents=True, exist_ok=True)
+    save_plant(outcome.plant, folder / "plant.yaml")
+    text = (folder / "plant.yaml").read_text(encoding="utf-8")
+    write_diagnosis_page(folder / "report.html", outcome.diagnosis, outcome.evidence, text)
+    write_atomic(folder / "diagnosis.json", outcome.diagnosis.to_json())

@@ -1,0 +1,87 @@
+"""Typical sizes of force, speed, travel and time in each balance equation, from the motion itself.
+
+They are what the plausible ranges of effects are written in, so that a rig of any size can be searched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ground.diagnose.fit import Fit
+from ground.diagnose.segments import Segment
+from sim_hal.plant.expressions import Name, Node, Num, Op
+from sim_hal.plant.simulate import Balance, Plant, compile_plant, probes
+
+Float = NDArray[np.float64]
+
+TYPICAL = 95.0
+"""Percentile that counts as the typical size: high, yet deaf to single spikes."""
+
+
+def find_scales(fit: Fit, segments: Sequence[Segment]) -> dict[str, dict[str, float]]:
+    """Scales by balance equation (F, V, X, X_low, X_mid, X_high, T, M) and by output channel (Y, T)."""
+    plant = fit.plant
+    duration = float(np.median([s.run.times_s[-1] - s.run.times_s[0] for s in segments]))
+    formulas: dict[str, Node] = {}
+    for name, balance in plant.structure.balances.items():
+        formulas |= probes(plant, name)
+        formulas |= force_formulas(plant, balance)
+    series = simulate_all(fit, segments, formulas)
+    scales: dict[str, dict[str, float]] = {}
+    for name, balance in plant.structure.balances.items():
+        scales[name] = balance_scales(balance, series, duration)
+    for column, channel in enumerate(plant.structure.outputs):
+        measured = np.concatenate([s.observed[:, column] for s in segments])
+        if np.isfinite(measured).any():
+            scales[channel] = {"Y": typical(measured), "T": duration}
+    return {name: own for name, own in scales.items() if own}
+
+
+def force_formulas(plant: Plant, balance: Balance) -> dict[str, Node]:
+    """What the typical force is read from: the port's own value, or the state's rate over its response."""
+    if balance.port is not None:
+        return {f"{balance.name}.force": Name(balance.port)}
+    state = next(iter(balance.per_force))
+    response = balance.per_force[state]
+    return {
+        f"{balance.name}.force": Op("/", (Op("rate", (Name(state),)), response)),
+        f"{balance.name}.inertia": Op("/", (Num(1.0), response)),
+    }
+
+
+def simulate_all(fit: Fit, segments: Sequence[Segment], formulas: dict[str, Node]) -> dict[str, Float]:
+    """Values of extra formulas along all segments, as the fitted plant moves."""
+    compiled = compile_plant(fit.plant.with_values(fit.values), extra=formulas)
+    first = len(fit.plant.structure.outputs)
+    runs = [
+        compiled.run(compiled.values, segment.run, initial)[:, first:]
+        for segment, initial in zip(segments, fit.initial, strict=True)
+    ]
+    stacked = np.vstack(runs)
+    return {name: stacked[:, i] for i, name in enumerate(compiled.output_names[first:])}
+
+
+def balance_scales(balance: Balance, series: dict[str, Float], duration_s: float) -> dict[str, float]:
+    """Scales of one balance; those that the motion does not show are left out."""
+    found = {"T": duration_s}
+    force = typical(series[f"{balance.name}.force"])
+    if force > 0.0:
+        found["F"] = force
+    if f"{balance.name}.inertia" in series:
+        found["M"] = abs(typical(series[f"{balance.name}.inertia"]))
+    speed = series.get(f"{balance.name}.velocity")
+    if speed is not None and typical(speed) > 0.0:
+        found["V"] = typical(speed)
+    position = series.get(f"{balance.name}.position")
+    if position is not None and np.ptp(position) > 0.0:
+        low, high = float(np.min(position)), float(np.max(position))
+        found |= {"X": high - low, "X_low": low, "X_high": high, "X_mid": 0.5 * (low + high)}
+    return found
+
+
+def typical(values: Float) -> float:
+    """High percentile of the magnitude, missing samples left out."""
+    return float(np.percentile(np.abs(values[np.isfinite(values)]), TYPICAL))

@@ -1,0 +1,134 @@
+"""Recordings cut into the stretches that a fit simulates, and what each channel can be trusted to.
+
+A recording of the built-in kinds is simulated whole, from its known start. A long recording of a rig that is
+described by equations is cut into windows, each anchored anew at its first samples (multiple shooting): an
+unmodelled force then moves a window's end, not the whole rest of the recording (Bock and Plitt 1984).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ground.recordings.model import Recording
+from ground.recordings.plant_run import to_run
+from sim_hal.plant.simulate import CompiledPlant, Plant, Run
+
+Float = NDArray[np.float64]
+
+WINDOWS_WANTED = 16
+"""Windows over all recordings: enough to bootstrap over, long enough to carry the slow parts of the motion."""
+MIN_WINDOW_SAMPLES = 100
+MODEL_FLOOR = 2.5e-4
+"""Share of a channel's range below which a model of the rig is not judged, where the sensor has no noise."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One stretch of one recording, ready to simulate.
+
+    `observed` is (samples, outputs) in the order of the plant's outputs, NaN where nothing was measured.
+    """
+
+    run_name: str
+    run: Run
+    observed: Float
+    recording: Recording
+
+    @property
+    def samples(self) -> int:
+        return int(self.run.times_s.size)
+
+
+def split_last_part(recording: Recording, share: float) -> tuple[Recording, Recording]:
+    """Cut one recording in two: what is fitted, and the last `share` of its samples, which is held out."""
+    cut = round(recording.times_s.size * (1.0 - share))
+    return cut_recording(recording, 0, cut), cut_recording(recording, cut, recording.times_s.size)
+
+
+def cut_recording(recording: Recording, start: int, stop: int) -> Recording:
+    """The samples `start:stop` of a recording, as a recording of its own (same clock, same metadata)."""
+    channels = {name: values[start:stop] for name, values in recording.channels.items()}
+    return replace(recording, times_s=recording.times_s[start:stop], channels=channels)
+
+
+def segment_of(recording: Recording, plant: Plant, compiled: CompiledPlant) -> Segment:
+    """A whole recording as one segment."""
+    missing = np.full(recording.times_s.size, math.nan)
+    columns = [recording.channels.get(name, missing) for name in compiled.output_names]
+    return Segment(recording.run, to_run(recording, plant), np.column_stack(columns), recording)
+
+
+def segments_to_fit(
+    recordings: Sequence[Recording], plant: Plant, compiled: CompiledPlant
+) -> tuple[Segment, ...]:
+    """The stretches that a fit uses: whole runs of the built-in kinds, windows of rigs given as equations."""
+    if plant.kind != "equations":
+        return tuple(segment_of(recording, plant, compiled) for recording in recordings)
+    segments: list[Segment] = []
+    per_recording = math.ceil(WINDOWS_WANTED / len(recordings))
+    for recording in recordings:
+        count = max(1, min(per_recording, recording.times_s.size // MIN_WINDOW_SAMPLES))
+        edges = np.linspace(0, recording.times_s.size, count + 1).round().astype(int)
+        for start, stop in itertools.pairwise(edges):
+            part = cut_recording(recording, int(start), int(stop))
+            segments.append(segment_of(part, plant, compiled))
+    return tuple(segments)
+
+
+def channel_sigmas(
+    recordings: Sequence[Recording], plant: Plant, output_names: Sequence[str]
+) -> dict[str, float]:
+    """Standard deviation of what each channel reads around the truth.
+
+    From the stated noise and resolution (uniform rounding error, resolution/sqrt(12)); where nothing is stated,
+    from the scatter of second differences. Never below `MODEL_FLOOR` of the channel's range, so that a channel
+    without noise of its own (an encoder) does not count as infinitely exact.
+    """
+    sigmas: dict[str, float] = {}
+    for name in output_names:
+        pieces = [r.channels[name] for r in recordings if name in r.channels]
+        if not pieces:
+            continue
+        values = np.concatenate(pieces)
+        sigma = sensor_sigma(recordings, plant, name)
+        floor = MODEL_FLOOR * float(np.nanmax(values) - np.nanmin(values))
+        sigmas[name] = floor if sigma < 0.1 * floor else sigma
+    return sigmas
+
+
+def sensor_sigma(recordings: Sequence[Recording], plant: Plant, channel: str) -> float:
+    """The sensor's own noise and rounding on one channel: as stated, else from the readings' scatter."""
+    stated = _stated_sigma(recordings[0], plant, channel)
+    return (
+        _scatter([r.channels[channel] for r in recordings if channel in r.channels])
+        if stated is None
+        else stated
+    )
+
+
+def _stated_sigma(recording: Recording, plant: Plant, channel: str) -> float | None:
+    """Noise and rounding as the recording states them, else as the plant file does; None when neither does."""
+    for sensors in (recording.sensors, plant.sensors):
+        spec = sensors.get(channel)
+        if spec is not None and (spec.noise_std is not None or spec.resolution is not None):
+            return math.hypot(spec.noise_std or 0.0, (spec.resolution or 0.0) / math.sqrt(12.0))
+    return None
+
+
+def _scatter(pieces: Sequence[Float]) -> float:
+    """White-noise level by second differences (von Neumann): var(d2) = 6 sigma**2. Robust by the median."""
+    differences = np.concatenate([np.diff(piece[np.isfinite(piece)], 2) for piece in pieces])
+    if differences.size == 0:
+        return 0.0
+    return float(np.median(np.abs(differences)) / 0.6745 / math.sqrt(6.0))
+
+
+def sigma_vector(sigmas: Mapping[str, float], output_names: Sequence[str]) -> Float:
+    """Sigmas in the order of the outputs; a channel that no recording has gets 1 (its residuals are all missing)."""
+    return np.array([sigmas.get(name, 1.0) for name in output_names])
