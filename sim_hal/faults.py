@@ -5,6 +5,8 @@
 | `fail` | reads raise `ReadFailed` | commands raise `DeviceError` |
 | `stick` | keeps delivering its last value | stays as it was last commanded |
 | `silent` | delivers no new sample | loses its power |
+
+A motor without power is one at 0 V: its driver shorts the terminals, so it brakes.
 """
 
 from __future__ import annotations
