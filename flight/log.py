@@ -18,10 +18,18 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any, TypeVar
+
+import yaml
 
 from flight.mcap_stream import TIME_FIELD, McapWriter, read_mcap
+from hal.config import StrictLoader, build_settings
 from hal.log import LogError, LogMessage
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 METADATA_NAME = "hopper"
 
@@ -95,6 +103,20 @@ class FlightLog:
     metadata: Mapping[str, str]
     messages: tuple[LogMessage, ...]
     damage: str
+
+    def part(self, name: str, settings: type[T]) -> T:
+        """One of the settings texts of the metadata, checked like the file that it was.
+
+        Raises `LogError` when it is missing or no YAML, `ConfigError` when it does not fit `settings`.
+        """
+        source = f"{self.path}: metadata {name}"
+        if name not in self.metadata:
+            raise LogError(f"{source} is missing; it has {', '.join(self.metadata) or 'nothing'}")
+        try:
+            data: Any = yaml.load(self.metadata[name], Loader=StrictLoader)
+        except (yaml.YAMLError, ValueError) as error:
+            raise LogError(f"{source} is no valid YAML ({str(error).splitlines()[0]})") from error
+        return build_settings(data, settings, source)
 
 
 def read_log(path: Path, recover: bool = False) -> FlightLog:

@@ -121,7 +121,9 @@ def load_settings(path: Path, settings: type[T]) -> T:
 def build_settings(data: Any, settings: type[T], source: str, prefix: str = "") -> T:
     """Build the dataclass `settings` from a mapping already read; `source` names its origin in errors."""
     if not isinstance(data, Mapping):
-        raise ConfigError(f"{source}: {prefix or 'the file'} must be a mapping, not {type(data).__name__}")
+        raise ConfigError(
+            f"{source}: {prefix.rstrip('.') or 'the file'} must be a mapping, not {type(data).__name__}"
+        )
     hints = get_type_hints(settings, include_extras=True)
     fields = {field.name: field for field in dataclasses.fields(settings)}
     unknown = sorted(str(key) for key in data if key not in fields)

@@ -46,6 +46,7 @@ class ReplayTape:
         self._messages = messages
         self.compared = 0
         self.mismatch: ReplayMismatch | None = None
+        self.raised: BaseException | None = None  # the recorded error that was raised last
 
     @property
     def remaining(self) -> Sequence[LogMessage]:
@@ -61,7 +62,8 @@ class ReplayTape:
 
         message = self._next(call.device, question, questioned)
         if "error" in message.payload:
-            raise _rebuild_error(message)
+            self.raised = _rebuild_error(message)
+            raise self.raised
         try:
             return from_plain(call.returns, message.payload["result"])
         except (KeyError, TypeError, AttributeError) as error:

@@ -1,0 +1,114 @@
+"""Flying a recorded mission again from its log: same readings in, same commands and decisions out, bit for bit.
+
+A difference means that the flight software has changed, that it does not depend on its readings alone, or
+that the log was tampered with. Bits can also differ between machines whose mathematical libraries round
+differently; the place of the first difference then tells which.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from flight.executive import fly
+from flight.log import FlightLog, read_log
+from flight.mission import MissionPlan
+from flight.settings import FlightSettings
+from flight.surface_belief import SurfaceSettings, load_surfaces
+from hal.calls import board_calls
+from hal.log import LogError
+from hal.replay import ReplayBoard, ReplayEnded, ReplayMismatch, ReplayTape
+
+Flight = Callable[[ReplayBoard, ReplayTape], object]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Where the replay first did something else than the record."""
+
+    sequence: int
+    time_s: float
+    expected: str
+    got: str
+
+    def __str__(self) -> str:
+        return f"message {self.sequence} at {self.time_s:.4f} s: expected {self.expected}, got {self.got}"
+
+
+@dataclass(frozen=True)
+class ReplayResult:
+    """What a replay found; `compared` counts the messages that were the same.
+
+    `damage` says in words what the log has lost, if it was cut; the replay then ends where the log does.
+    """
+
+    path: Path
+    compared: int
+    commands: int
+    decisions: int
+    first_difference: Difference | None
+    damage: str = ""
+
+    @property
+    def same(self) -> bool:
+        return self.first_difference is None
+
+
+def replay_log(path: Path, recover: bool = False) -> ReplayResult:
+    """Fly the mission of a log again and compare all commands and decisions.
+
+    `recover` takes the whole part of a log that was cut. Raises `LogError` when the log cannot be read, lacks
+    what a replay needs, was flown with other known surfaces, or gave nothing to compare.
+    """
+    log = read_log(path, recover)
+    settings = log.part("settings", FlightSettings)
+    mission = log.part("mission", MissionPlan)
+    if log.part("surfaces", SurfaceSettings) != load_surfaces():
+        raise LogError(f"{path}: was flown with other known surfaces than config/surfaces.yaml has now")
+    return replay_messages(log, lambda board, tape: fly(board, settings, mission, tape))
+
+
+def replay_messages(log: FlightLog, flight: Flight) -> ReplayResult:
+    """Run `flight` on a board that answers from the log, which is also its log sink."""
+    if not log.messages:
+        raise LogError(f"{log.path}: holds no messages, so there is nothing to compare")
+    board = ReplayBoard.of(log.messages, log.metadata.get("board", "replay"))
+    tape = board.tape
+    difference = _fly(log, flight, board)
+    same = log.messages[: tape.compared]
+    if not same:
+        raise LogError(f"{log.path}: nothing could be compared ({difference})")
+    commands = sum(m.topic in ("motor", "magnet") for m in same)
+    decisions = sum(m.topic not in board_calls() for m in same)
+    return ReplayResult(log.path, len(same), commands, decisions, difference, log.damage)
+
+
+def _fly(log: FlightLog, flight: Flight, board: ReplayBoard) -> Difference | None:
+    tape = board.tape
+    try:
+        flight(board, tape)
+    except ReplayEnded as ended:
+        return None if log.damage else _difference(log, ended)
+    except ReplayMismatch as mismatch:
+        return _difference(log, mismatch)
+    except BaseException as error:
+        if error is not tape.raised:  # not the recorded end of the flight
+            if not isinstance(error, Exception):
+                raise
+            return _leftover(log, tape, f"{type(error).__name__}: {error}")
+    return _leftover(log, tape, "the end of the flight")
+
+
+def _leftover(log: FlightLog, tape: ReplayTape, got: str) -> Difference | None:
+    """The record must end with the flight; only that devices are closed may follow."""
+    for message in tape.remaining:
+        if message.payload.get("method") != "close":
+            expected = f"{message.topic} {message.payload}"
+            return Difference(message.sequence, message.time_s, expected, got)
+    return None
+
+
+def _difference(log: FlightLog, mismatch: ReplayMismatch) -> Difference:
+    at = min(mismatch.sequence, len(log.messages) - 1)
+    return Difference(mismatch.sequence, log.messages[at].time_s, mismatch.expected, mismatch.got)
