@@ -18,8 +18,10 @@ from sim_hal.plant.run import Run, SimulationError, check_times, schedule, smoot
 from sim_hal.plant.structure import Balance
 from sim_hal.plant.units import channel_unit
 
-#: Tolerances: errors per step relative to each state, and a floor for states that stay at zero.
-TOLERANCES = Limits(relative=1e-8, absolute=1e-13, steps=20_000_000)
+#: Error per step relative to each state; with a floor for states that stay at zero, and a limit of work.
+RELATIVE_TOLERANCE = 1e-8
+_ABSOLUTE_TOLERANCE = 1e-13
+_MAX_STEPS = 20_000_000
 
 _REASONS = {
     engine.NOT_FINITE: "the solution stops being a finite number",
@@ -46,6 +48,7 @@ class CompiledPlant:
     values: Floats
     output_names: tuple[str, ...]
     output_units: tuple[str, ...]
+    tolerances: Limits
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -146,15 +149,13 @@ class CompiledPlant:
         plan = schedule(self.plant.structure, run, self.assembled.flags, samples)
         return self.follow(machine, plan)
 
-    def follow(
-        self, machine: Machine, plan: Schedule, tolerances: Limits = TOLERANCES
-    ) -> tuple[Floats, Floats]:
+    def follow(self, machine: Machine, plan: Schedule) -> tuple[Floats, Floats]:
         """Run a prepared machine through a schedule: outputs and states at its samples."""
         outputs = np.empty((len(plan.samples), len(self.output_names)))
         states = np.empty((len(plan.samples), len(self.state_names)))
         with np.errstate(all="ignore"):
             engine.start(self.assembled.program, machine)
-            status = engine.integrate(self.assembled.program, machine, plan, tolerances, outputs, states)
+            status = engine.integrate(self.assembled.program, machine, plan, self.tolerances, outputs, states)
         self._check(status, machine)
         if not np.isfinite(outputs).all():
             row, column = np.argwhere(~np.isfinite(outputs))[0]
@@ -233,12 +234,17 @@ class CompiledPlant:
 
 
 def compile_plant(
-    plant: Plant, *, missing_force: str | None = None, extra: Mapping[str, Node] | None = None
+    plant: Plant,
+    *,
+    missing_force: str | None = None,
+    extra: Mapping[str, Node] | None = None,
+    relative_tolerance: float = RELATIVE_TOLERANCE,
 ) -> CompiledPlant:
     """Make a plant ready to run.
 
     `missing_force` names a balance that gets a constant unknown force as a further state of that name (unit: the
-    balance's force); `extra` adds formulas of the plant's symbols to the outputs. Raises `PlantError`.
+    balance's force); `extra` adds formulas of the plant's symbols to the outputs; `relative_tolerance` is the error
+    allowed per integration step. Raises `PlantError`.
     """
     model = compose(plant, missing_force)
     outputs = {**model.outputs, **(extra or {})}
@@ -252,6 +258,7 @@ def compile_plant(
         values=np.array([parameter.value for parameter in flat.values()], dtype=float),
         output_names=tuple(outputs),
         output_units=tuple(channel_unit(name) if name in model.outputs else "" for name in outputs),
+        tolerances=Limits(relative_tolerance, _ABSOLUTE_TOLERANCE, _MAX_STEPS),
     )
 
 

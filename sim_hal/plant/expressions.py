@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 MAX_LENGTH = 2000  # characters; keeps Python's own parser far from its limits
-MAX_DEPTH = 60
+MAX_DEPTH = 100
 
 #: Functions with the number of arguments they take (a maximum of None: any number from the minimum).
 FUNCTIONS: Mapping[str, tuple[int, int | None]] = {
@@ -42,7 +42,7 @@ class ExpressionError(ValueError):
     """A formula was refused. `str()` gives the reason, the text and a caret line under the place."""
 
     def __init__(self, reason: str, text: str, column: int) -> None:
-        shown = text.replace("\n", " ").replace("\t", " ")
+        shown = text.replace("\t", " ")
         super().__init__(f"{reason}\n    {shown}\n    {' ' * column}^")
         self.reason = reason
         self.column = column
@@ -80,13 +80,14 @@ def parse(text: str) -> Node:
         raise ExpressionError(f"the formula is longer than {MAX_LENGTH} characters", text[:60] + "…", 0)
     if not text.strip():
         raise ExpressionError("the formula is empty", text, 0)
+    text = text.replace("\n", " ")  # a long formula may be folded in its file
     lead = len(text) - len(text.lstrip())
     try:
         with warnings.catch_warnings():  # "1if x" and the like warn before they are refused
             warnings.simplefilter("ignore")
             tree = ast.parse(text.strip(), mode="eval").body
     except SyntaxError as error:
-        column = max((error.offset or 1) - 1, 0) if (error.lineno or 1) == 1 else 0
+        column = max((error.offset or 1) - 1, 0)
         raise ExpressionError(f"not a formula ({error.msg})", text, lead + column) from None
     except (ValueError, MemoryError, RecursionError):
         raise ExpressionError("not a formula", text, lead) from None
@@ -101,10 +102,8 @@ class _Reader:
         self.lead = lead
 
     def refuse(self, reason: str, at: ast.expr) -> ExpressionError:
-        line = self.text.strip().split("\n")[at.lineno - 1].encode()
-        before = sum(len(part) + 1 for part in self.text.strip().split("\n")[: at.lineno - 1])
-        column = len(line[: at.col_offset].decode(errors="replace"))
-        return ExpressionError(reason, self.text, self.lead + before + column)
+        before = self.text.strip().encode()[: at.col_offset].decode(errors="replace")
+        return ExpressionError(reason, self.text, self.lead + len(before))
 
     def node(self, at: ast.expr, depth: int) -> Node:
         if depth > MAX_DEPTH:

@@ -16,10 +16,10 @@ else:
 
 
 def compiled(function: Function) -> Function:
-    """Compile `function` to machine code, kept on disk between runs; IEEE arithmetic, no exceptions."""
+    """Compile `function` to machine code, kept on disk between runs; IEEE arithmetic, threads run freely."""
     if not HAVE_NUMBA:
         return function
-    return cast(Function, numba.njit(cache=True, error_model="numpy")(function))
+    return cast(Function, numba.njit(cache=True, error_model="numpy", nogil=True)(function))
 
 
 def inlined(function: Function) -> Function:

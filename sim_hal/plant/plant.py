@@ -123,6 +123,36 @@ class Plant:
         symbols |= {"x"} if balance is not None and balance.position is not None else set()
         return effect.form(frozenset(symbols))
 
+    def places(self, effect: Effect) -> tuple[tuple[str, str | None], ...]:
+        """Where an effect may enter this plant: pairs of equation and channel (None but for sensor faults).
+
+        Forces of the air act where something moves along a line, dry friction and the like where anything moves.
+        """
+        if effect.kind == "sensor":
+            return tuple((effect.equation, channel) for channel in self.structure.outputs)
+        home = self.balance(effect, effect.equation)
+        if home is not None or not effect.mechanical:
+            form = self.form(effect, home)
+            if form is None or (needs_balance(form) and home is None):
+                return ()
+            # Plants of other rigs have equations of their own names.
+            named = home is not None and self.kind == "equations"
+            return ((home.name if home is not None and named else effect.equation, None),)
+        return tuple(
+            (name, None) for name, balance in self.structure.balances.items() if self._moves(effect, balance)
+        )
+
+    def _moves(self, effect: Effect, balance: Balance) -> bool:
+        """Whether a mechanical effect can act in this balance."""
+        units = ("N",) if effect.balances else ("N", "N*m")  # named balances: forces along a line
+        moves = balance.unit in units and balance.port is None and balance.velocity is not None
+        return moves and self.form(effect, balance) is not None
+
+
+def needs_balance(form: Form) -> bool:
+    """Whether a form adds a force, dry friction or inertia, and so needs a balance to add it to."""
+    return bool(form.force or form.dry or form.inertia)
+
 
 def load_of(structure: Structure, balance: Balance) -> bool:
     """Whether a balance has a load: its own, or else the force of its only equation."""
@@ -151,7 +181,7 @@ def check_use(plant: Plant, use: EffectUse) -> Form:
     else:
         balance = plant.balance(effect, use.equation)
         form = plant.form(effect, balance)
-        if form is not None and (form.force or form.dry or form.inertia) and balance is None:
+        if form is not None and needs_balance(form) and balance is None:
             known = ", ".join(plant.structure.balances)
             raise PlantError(
                 f"{where}: equation = {use.equation!r} is no balance it can enter; known: {known}"

@@ -143,9 +143,7 @@ class Structure:
 
 
 #: Text of a force's unit, by dimension of the rate it enters divided by `per_force`.
-_FORCE_UNITS = {
-    dimension(unit): unit for unit in ("N", "N*m", "V", "A", "Pa", "W", "N*m/rad", "1", "K", "m", "m/s")
-}
+_FORCE_UNITS = {dimension(unit): unit for unit in ("N", "N*m", "V", "A", "Pa", "W", "1", "K", "m", "m/s")}
 
 
 def unit_text(dim: Dimension) -> str:

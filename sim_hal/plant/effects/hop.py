@@ -45,6 +45,7 @@ SLEEVE_FRICTION = Effect(
     physics_id="sleeve_friction",
     equation="body_momentum",
     balances=("sleeve",),
+    mechanical=False,
     says="dry friction in the guide sleeves",
     sentence="Dry friction of {F_f} N acts in the guide sleeves.",
     citation="B. Armstrong-Hélouvry et al., Automatica 30 (1994) 1083",
