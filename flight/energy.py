@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flight.settings import RigSettings
+from flight.rig import RigSettings
 from flight.uncertain import Uncertain
 
 # Sources that all hops of a rig share.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -108,9 +109,11 @@ class _Executive:
         """Name the exception, and end in SAFE."""
         self.outputs_off()
         reason = f"exception:{type(error).__name__}"
-        self._event(Event("fault", "fault", {"reason": reason, "error": str(error)}))
-        self._state(self.machine.phase, Phase.SAFE, reason)
+        before = self.machine.phase
         self.machine = replace(self.machine, phase=Phase.SAFE, reason=self.machine.reason or reason)
+        with suppress(Exception):  # log or link may be what failed
+            self._event(Event("fault", "fault", {"reason": reason, "error": str(error)}))
+            self._state(before, Phase.SAFE, reason)
 
     def outputs_off(self) -> None:
         """Magnet, then motor; each is tried even if the other fails, and a failure is logged."""
@@ -121,7 +124,8 @@ class _Executive:
             try:
                 switch_off()
             except Exception as error:  # the watchdog, no longer stroked, is what is left
-                self._event(Event("actuator_failed", "fault", {"device": name, "error": str(error)}))
+                with suppress(Exception):
+                    self._event(Event("actuator_failed", "fault", {"device": name, "error": str(error)}))
 
     def _start(self, now_s: float) -> None:
         sensors = self.settings.sensors

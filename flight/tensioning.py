@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 
-from flight.settings import DriveSettings, FlightSettings, RigSettings
+from flight.rig import RigSettings
+from flight.settings import DriveSettings, FlightSettings
 
 
 def energy_used_j(compression_m: float, rig: RigSettings) -> float:
@@ -79,11 +80,14 @@ def approach_speed_m_s(remaining_m: float, drive: DriveSettings) -> float:
 
 
 def fused_compression_m(
-    estimate_m: float, sensed_m: float, travel_m: float, taut: bool, settings: FlightSettings
+    estimate_m: float, sensed_m: float | None, travel_m: float, taut: bool, settings: FlightSettings
 ) -> float:
     """Compression from the spring sensor, carried along by the encoder while the string is taut.
 
-    The encoder's prediction s = x/(1 + k/k_m) has no lag, the spring sensor no drift.
+    The encoder's prediction s = x/(1 + k/k_m) has no lag, the spring sensor no drift. Without a fresh
+    reading (`None`) the encoder alone carries the estimate.
     """
-    predicted = estimate_m + (travel_m / settings.rig.travel_per_compression if taut else 0.0)
-    return predicted + settings.tension.fusion_gain * (sensed_m - predicted)
+    predicted_m = estimate_m + (travel_m / settings.rig.travel_per_compression if taut else 0.0)
+    if sensed_m is None:
+        return predicted_m
+    return predicted_m + settings.tension.fusion_gain * (sensed_m - predicted_m)

@@ -1,0 +1,77 @@
+"""The entry on the robot: `python -m flight --board NAME --mission FILE`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import yaml
+
+from flight import settings as flight_settings
+from flight.executive import fly
+from flight.log import LogError, McapLog
+from flight.mission import MissionResult, load_mission
+from hal.board import board_names, open_board
+from hal.config import config_path, read_yaml
+from hal.errors import HalError
+from hal.tap import tap_board
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Fly one mission. Exit code 0: completed; 1: ended otherwise; 2: refused before anything moved."""
+    options = _parser().parse_args(arguments)
+    try:
+        result = _fly(options)
+    except (HalError, LogError, OSError) as error:
+        print(f"flight: {error}", file=sys.stderr)
+        return 2
+    for report in result.hops:
+        print(_line(report.as_payload()))
+    print(f"mission {result.plan.name!r}: ended in {result.end_reason!r}")
+    return 0 if result.completed else 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m flight", description="Fly a mission on a board.")
+    # No default: nobody shall fly a board that was not asked for by name.
+    parser.add_argument("--board", required=True, help=f"one of: {', '.join(board_names())}")
+    parser.add_argument("--mission", required=True, type=Path, help="mission file (YAML)")
+    parser.add_argument("--settings", type=Path, help="flight settings instead of config/flight.yaml")
+    parser.add_argument(
+        "--board-settings", type=Path, help="board settings instead of config/boards/NAME.yaml"
+    )
+    parser.add_argument("--log", required=True, type=Path, help="MCAP file to write; must not exist")
+    return parser
+
+
+def _fly(options: argparse.Namespace) -> MissionResult:
+    settings = flight_settings.load(options.settings)
+    mission = load_mission(options.mission, settings)
+    where = options.board_settings or config_path("boards", f"{options.board}.yaml")
+    metadata = {
+        "board": options.board,
+        "settings": (options.settings or config_path("flight.yaml")).read_text(encoding="utf-8"),
+        "surfaces": config_path("surfaces.yaml").read_text(encoding="utf-8"),
+        "mission": yaml.safe_dump(asdict(mission), sort_keys=False),
+        "board_settings": where.read_text(encoding="utf-8"),
+    }
+    with open_board(options.board, read_yaml(where)) as board, McapLog(options.log, metadata) as log:
+        return fly(tap_board(board, log), settings, mission, log)
+
+
+def _line(report: dict[str, object]) -> str:
+    def said(key: str, unit: str) -> str:
+        quantity = report[key]
+        if not isinstance(quantity, dict):
+            return f"{key} unknown"
+        return f"{key} {quantity['value']:.4g} +- {quantity['sigma']:.2g}{unit}"
+
+    seen = ", ".join((said("energy_used_j", " J"), said("height_m", " m"), said("c3", "")))
+    return f"hop {report['hop_index']}: {report['verdict']}, {seen}"
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
