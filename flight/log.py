@@ -22,7 +22,7 @@ from typing import IO, TYPE_CHECKING, Any, TypeVar
 
 import yaml
 
-from flight.mcap_stream import TIME_FIELD, McapWriter, read_mcap
+from flight.mcap_stream import TIME_FIELD, McapWriter, decode_json, read_mcap
 from hal.config import StrictLoader, build_settings
 from hal.log import LogError, LogMessage
 
@@ -145,12 +145,8 @@ def _decode(index: int, topic: str, sequence: int, _time_ns: int, data: bytes) -
     if sequence != index:
         raise LogError(f"{where}: its sequence number is {sequence}, so messages are missing before it")
     try:
-        payload = json.loads(data, parse_constant=_refuse_constant)
+        payload = decode_json(data)
         time_s = float(payload.pop(TIME_FIELD))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise LogError(f"{where}: is no JSON object with {TIME_FIELD}") from error
     return LogMessage(sequence, topic, time_s, payload)
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is no number of JSON")

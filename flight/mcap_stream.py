@@ -213,3 +213,19 @@ def _parse(read: Callable[[ReadDataStream], Any], record: bytes, start: int) -> 
         return read(ReadDataStream(BytesIO(record)))
     except Exception as error:
         raise _Damage(f"the record at byte {start} is damaged ({error or type(error).__name__})") from error
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is no number of JSON")
+
+
+_decoder = json.JSONDecoder(parse_constant=_refuse_constant)
+
+
+def decode_json(data: bytes) -> Any:
+    """The value of a message. Raises `ValueError` (or `RecursionError`) when it is no JSON, or NaN or infinite."""
+    text = data.decode()
+    value, end = _decoder.raw_decode(text)
+    if end != len(text):
+        raise ValueError(f"something follows the value at character {end}")
+    return value

@@ -7,7 +7,6 @@ own stamps are the same times in whole nanoseconds, counted from the recording's
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -16,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flight.mcap_stream import TIME_FIELD, McapContent, McapWriter, read_mcap
+from flight.mcap_stream import TIME_FIELD, McapContent, McapWriter, decode_json, read_mcap
 from ground.files import write_atomic
 from ground.recordings.model import Floats, Recording, RecordingError, Table
 from ground.recordings.sidecar import format_sidecar, parse_sidecar
@@ -91,7 +90,7 @@ def _by_table(path: Path, content: McapContent) -> dict[str, dict[str, Samples]]
     for index, (topic, _, _, data) in enumerate(content.messages):
         label, _, channel = topic.removeprefix("/").rpartition("/")
         try:
-            message = json.loads(data, parse_constant=_refuse_constant)
+            message = decode_json(data)
             value = message["value"]
             sample = _number(message[TIME_FIELD]), math.nan if value is None else _number(value)
         except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
@@ -106,10 +105,6 @@ def _number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{value!r} is no number")
     return float(value)
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is no number of JSON")
 
 
 def _table(path: Path, channels: Mapping[str, Samples]) -> Table:
