@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ground.diagnose.compare import compare_with
 from ground.diagnose.evidence import Evidence, LocatedForce
 from ground.diagnose.findings import findings_of, next_run, verdict_of
 from ground.diagnose.fit import PRIOR_REACH, Fit, fit_plant
@@ -98,9 +99,12 @@ def prepare(recordings: Sequence[Recording], plant: Plant) -> Data:
     )
 
 
-def diagnose(recordings: Sequence[Recording], plant: Plant, progress: Progress) -> Outcome:
+def diagnose(
+    recordings: Sequence[Recording], plant: Plant, progress: Progress, reference: Plant | None = None
+) -> Outcome:
     """Compare the plant's simulation with the recordings and say what it lacks.
 
+    `reference` is a published model of the rig; it takes no part, it is only compared with what was found.
     Raises `DiagnosisError`, `RecordingError` or `SimulationError`, all with words for a person.
     """
     data = prepare(recordings, plant)
@@ -119,6 +123,9 @@ def diagnose(recordings: Sequence[Recording], plant: Plant, progress: Progress) 
         typical = scales[forces[0].equation]["F"]
         forces[0] = still_missing(forces[0], named.fit, data.whole[0], data.sigmas, typical)
     result = conclude(data, plant, refit, named, verified, forces, plants)
+    if reference is not None:
+        compared = compare_with(reference, extended, data.held_out_whole, data.held_out_windows, data.sigmas)
+        result = replace(result, details={**result.details, "reference": compared})
     return Outcome(result, extended, Evidence(verified.traces, tuple(forces)))
 
 

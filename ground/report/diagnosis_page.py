@@ -219,6 +219,6 @@ def add_published(page: Page, reference: object) -> None:
         return
     page.section(f"Beside {reference['source']}")
     page.table(
-        ["quantity", "found", "± 1σ", "published", "± 1σ", "unit", "difference"],
+        ["quantity", "unit", "found", "± 1σ", "published", "± 1σ", "apart"],
         [[str(cell) for cell in row] for row in reference["rows"]],
     )

@@ -1,0 +1,268 @@
+"""The `hopper` command."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flight import settings as flight_settings
+from flight.executive import Progress
+from ground import console
+from ground.diagnose.pipeline import Outcome, diagnose, write_outcome
+from ground.diagnose.segments import channel_sigmas, segment_of, sigma_vector
+from ground.diagnose.verify import predict
+from ground.importing import import_recording
+from ground.mission_run import plan_mission, run_mission
+from ground.mission_summary import MissionRun, figures, mission_content, verdict_sentence, words
+from ground.recordings.loading import load_recording, load_recordings, save_recording
+from ground.recordings.model import Recording
+from ground.replay import replay_log
+from ground.report.diagnosis_page import verdict_sentence as diagnosis_sentence
+from hal.config import config_path, config_root
+from hal.errors import ConfigError
+from sim_hal.plant.simulate import Plant, compile_plant, load_plant
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
+plant_app = typer.Typer(no_args_is_help=True, help="Plant files.")
+app.add_typer(plant_app, name="plant")
+
+Json = Annotated[bool, typer.Option("--json", help="Print the answer as JSON, for machines.")]
+Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
+PlantOption = Annotated[str, typer.Option("--plant", help="Plant file, or a name in config/plant.")]
+MapOption = Annotated[
+    str | None, typer.Option("--map", help="Mapping file (or name) to import foreign files.")
+]
+
+
+def configured(kind: str, name: str) -> Path:
+    """A file by path, or by its name in a folder of the configuration."""
+    path = Path(name)
+    if path.suffix in (".yaml", ".yml") or path.exists():
+        return path
+    try:
+        return config_path(kind, f"{name}.yaml")
+    except ConfigError as error:
+        known = ", ".join(sorted(found.stem for found in (config_root() / kind).glob("*.yaml")))
+        raise ConfigError(
+            f"{name}: no such file, and no name in config/{kind}; names there: {known}"
+        ) from error
+
+
+@app.command()
+def run(
+    surface: Annotated[str, typer.Option(help="Surface to hop on (config/surfaces.yaml).")] = "quartz_sand",
+    hops: Annotated[int, typer.Option(help="Hops on that surface.")] = 3,
+    energy_j: Annotated[float, typer.Option("--energy-j", help="E_used of each hop.")] = 18.0,
+    references: Annotated[int, typer.Option(help="Hops on steel first, which give C2_ref.")] = 1,
+    board: Annotated[str, typer.Option(help="Board to fly on, by name; never another.")] = "sim",
+    seed: Annotated[int, typer.Option(help="Seed of a simulated mission; it repeats to the bit.")] = 1,
+    out: Out = Path("out/run"),
+    as_json: Json = False,
+) -> None:
+    """Fly a mission of N hops on a surface: a table per hop, recordings and a page."""
+    with console.clear_errors():
+        settings = flight_settings.load(config_path("flight.yaml"))
+        plan = plan_mission(surface, hops, energy_j, settings, references=references)
+        with console.steps(total=float(len(plan.hops))) as show:
+            watch = mission_watcher(show, energy_j, len(plan.hops))
+            flown = run_mission(plan, out, board=board, seed=seed, watch=watch)
+    if as_json:
+        console.print_json(mission_content(flown))
+    else:
+        show_mission(flown)
+    if not flown.result.completed:
+        raise typer.Exit(1)
+
+
+@app.command("diagnose")
+def diagnose_command(
+    recordings: Annotated[
+        list[Path], typer.Argument(help="Recordings: CSV, MCAP, folders; others with --map.")
+    ],
+    plant: PlantOption,
+    out: Out = Path("out/diagnosis"),
+    mapping: MapOption = None,
+    compare: Annotated[
+        str | None, typer.Option(help="A plant with published physics and parameters, to compare with.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Say what physics the plant lacks, add it, and show the fit improve on data that it never saw."""
+    with console.clear_errors():
+        given = load_plant(configured("plant", plant))
+        reference = load_plant(configured("plant", compare)) if compare else None
+        read = read_recordings(recordings, mapping)
+        with console.steps() as show:
+            outcome = diagnose(read, given, show, reference)
+        write_outcome(outcome, out)
+    if as_json:
+        console.print_json(json.loads(outcome.diagnosis.to_json()))
+    else:
+        show_diagnosis(outcome, out)
+
+
+@app.command()
+def simulate(
+    plant: PlantOption,
+    like: Annotated[Path, typer.Option(help="Recording whose run is simulated.")],
+    out: Annotated[Path, typer.Option("--out", help="Predicted channels: CSV, CSV.gz or MCAP.")],
+    mapping: MapOption = None,
+) -> None:
+    """Simulate one recording's run: its inputs, conditions and known start, never its measured outputs.
+
+    A start that the plant leaves to be fitted is read from the recording's first samples.
+    """
+    with console.clear_errors():
+        (recording,) = read_recordings([like], mapping)
+        predicted = simulate_like(load_plant(configured("plant", plant)), recording)
+        save_recording(predicted, out)
+    console.out.print(
+        f"{out}: {', '.join(predicted.channels)} at {predicted.times_s.size} samples", highlight=False
+    )
+
+
+def simulate_like(plant: Plant, recording: Recording) -> Recording:
+    """What the plant predicts for a recording's run, at its sample times."""
+    compiled = compile_plant(plant)
+    sigmas = channel_sigmas([recording], plant, compiled.output_names)
+    segment = segment_of(recording, plant, compiled)
+    outputs = predict(plant, segment, sigma_vector(sigmas, compiled.output_names))
+    channels = {name: outputs[:, i] for i, name in enumerate(compiled.output_names)}
+    return replace(
+        recording, channels=channels, sensors={}, extra_tables={}, notes=f"predicted by {plant.name}"
+    )
+
+
+@app.command("import")
+def import_command(
+    file: Annotated[Path, typer.Argument(help="MAT or CSV file of any lab.")],
+    mapping: Annotated[str, typer.Option("--map", help="Mapping file, or a name in config/imports.")],
+    out: Annotated[Path, typer.Option("--out", help="Recording to write: CSV, CSV.gz or MCAP.")],
+) -> None:
+    """Turn a foreign file into a recording."""
+    with console.clear_errors():
+        recording = import_recording(file, configured("imports", mapping))
+        save_recording(recording, out)
+    console.out.print(
+        f"{out}: {', '.join(recording.channels)}, {recording.times_s.size} samples", highlight=False
+    )
+
+
+@app.command()
+def convert(
+    recording: Annotated[Path, typer.Argument(help="Recording to read: CSV pair or MCAP.")],
+    out: Annotated[Path, typer.Argument(help="Recording to write; its suffix says as what.")],
+) -> None:
+    """Copy a recording from one container to another, without loss."""
+    with console.clear_errors():
+        save_recording(load_recording(recording), out)
+    console.out.print(f"{out}: written", highlight=False)
+
+
+@app.command()
+def replay(
+    log: Annotated[Path, typer.Argument(help="Flight log (MCAP) of a mission.")],
+    recover: Annotated[bool, typer.Option(help="Take the whole part of a log that was cut.")] = False,
+) -> None:
+    """Feed a log back through the flight code and compare every command and decision, bit for bit."""
+    with console.clear_errors():
+        result = replay_log(log, recover)
+    console.out.print(
+        f"compared: {result.compared} messages, of them {result.commands} commands, {result.decisions} decisions",
+        highlight=False,
+    )
+    if result.first_difference is not None:
+        console.err.print(f"first difference: {result.first_difference}", markup=False, highlight=False)
+        raise typer.Exit(1)
+    console.out.print("the replay is the same, bit for bit")
+
+
+@plant_app.command()
+def check(file: Annotated[str, typer.Argument(help="Plant file, or a name in config/plant.")]) -> None:
+    """Read a plant file, check names, units and formulas, and list what it holds."""
+    with console.clear_errors():
+        plant = load_plant(configured("plant", file))
+        compile_plant(plant)
+    rows = [(name, f"{p.value:g}", f"{p.std:g}", p.unit) for name, p in plant.flat().items()]
+    console.table(f"{plant.name} ({plant.kind}): sound", ("parameter", "value", "std", "unit"), rows)
+
+
+def read_recordings(paths: list[Path], mapping: str | None) -> tuple[Recording, ...]:
+    """Recordings as they are, or imported by a mapping."""
+    if mapping is None:
+        return load_recordings(paths)
+    return tuple(import_recording(path, configured("imports", mapping)) for path in paths)
+
+
+def mission_watcher(show: Callable[..., None], energy_j: float, hops: int) -> Callable[[Progress], None]:
+    """Turn the flight's progress into the moving line."""
+
+    def watch(progress: Progress) -> None:
+        phase = words(progress.phase.name.lower())
+        at = min(progress.hop_index + 1, hops)
+        stored = min(1.0, progress.energy_used_j / energy_j)
+        text = f"hop {at} of {hops}: {phase}, {progress.energy_used_j:.1f} J, t = {progress.time_s:.0f} s"
+        show(text, progress.hop_index + stored)
+
+    return watch
+
+
+def show_mission(flown: MissionRun) -> None:
+    """The table per hop, in simulation with the truth beneath each estimate."""
+    names = ("E_used", "time of flight", "E_pot", "height", "C3")
+    rows: list[tuple[str, ...]] = []
+    for outcome in flown.hops:
+        found = {figure.name: figure for figure in figures(outcome)}
+        report = outcome.report
+        ground = words(report.plan.surface or "unknown") + (" (reference)" if report.plan.reference else "")
+        estimates = [found[name].text if name in found else "–" for name in names]
+        rows.append((str(report.hop_index + 1), ground, *estimates, report.verdict))
+        if outcome.truth is not None:
+            truths = [f"{found[n].truth:.4g} {found[n].unit}" if n in found else "–" for n in names]
+            rows.append(("", "truth", *truths, ""))
+    headers = ("hop", "ground", *names, "verdict")
+    console.table("Hops, estimate ± 1σ", headers, rows, dim_every=2 if flown.simulated else 0)
+    console.out.print(verdict_sentence(flown), markup=False, highlight=False)
+    for note in flown.notes:
+        console.out.print(note, markup=False, highlight=False)
+    console.out.print(f"page: {flown.folder / 'report.html'}", markup=False, highlight=False)
+
+
+def show_diagnosis(outcome: Outcome, folder: Path) -> None:
+    """Verdict, findings, and the fit before and after."""
+    found = outcome.diagnosis
+    console.out.print(f"[bold]{found.verdict}[/]: ", end="")
+    console.out.print(diagnosis_sentence(found), markup=False, highlight=False)
+    rows = []
+    for number, finding in enumerate(found.findings, start=1):
+        rivals = ", ".join(f"{a.physics_id} {a.probability:.2f}" for a in finding.alternatives[:2]) or "–"
+        rows.append((str(number), finding.physics_id, f"{finding.probability:.2f}", rivals))
+        console.out.print(f"{number}. {finding.statement}", markup=False, highlight=False)
+    if rows:
+        console.table("Findings", ("", "physics", "probability", "rivals"), rows)
+    fits = [
+        (
+            name,
+            f.unit,
+            f"{f.nominal_rms:.4g}",
+            f"{f.refit_rms:.4g}",
+            f"{f.extended_rms:.4g}",
+            f"{f.noise_rms:.2g}",
+        )
+        for name, f in found.fit.items()
+    ]
+    console.table(
+        "Held-out error (rms, free run)", ("channel", "unit", "nominal", "refit", "extended", "noise"), fits
+    )
+    reference = found.details.get("reference")
+    if isinstance(reference, dict):
+        headers = ("quantity", "unit", "found", "± 1σ", "published", "± 1σ", "apart")
+        console.table(f"Beside {reference['source']}", headers, reference["rows"])
+    for note in found.notes:
+        console.out.print(f"note: {note}", markup=False, highlight=False)
+    console.out.print(f"page: {folder / 'report.html'}", markup=False, highlight=False)
