@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flight.log import FlightLog, read_log
 from flight.mission import MissionPlan
@@ -125,7 +126,7 @@ def _drive(
     table = table_of(
         samples | {VOLTAGE: channels.held(VOLTAGE, start_s, stretch.armed_s)}, start_s, held=VOLTAGE
     )
-    taut = _string_taut(table.channels["nut_position_m"], table.channels["spring_compression_m"])
+    taut = string_taut(table.channels["nut_position_m"], table.channels["spring_compression_m"])
     current_a = table.channels["motor_current_a"].copy()
     # a plant starts without current, the motor turned with one: the winding settles within the first period
     current_a[np.flatnonzero(np.isfinite(current_a))[0]] = np.nan
@@ -167,7 +168,7 @@ def _standstill(channels: Channels, stretch: Stretch) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class _Taut:
+class Taut:
     """Encoder position at which the string is just taut, with its standard uncertainty, and ds/dx from there."""
 
     position_m: float
@@ -175,11 +176,21 @@ class _Taut:
     slope: float
 
 
-def _string_taut(position_m: Floats, compression_m: Floats) -> _Taut:
-    """Where the line through (nut position, spring compression) of the taut string meets zero compression."""
-    most_m = max(TAUT_SHARE * float(np.nanmax(compression_m)), 2.0 * LEAST_TAUT_M)
-    with np.errstate(invalid="ignore"):
-        keep = (compression_m > LEAST_TAUT_M) & (compression_m < most_m) & np.isfinite(position_m)
+def string_taut(position_m: Floats, compression_m: Floats) -> Taut:
+    """Where the line through (nut position, spring compression) of the taut string meets zero compression.
+
+    Arrays (n,), NaN where missing. Raises `RecordingError` when nut or spring do not move as they must.
+    """
+    seen = np.isfinite(position_m) & np.isfinite(compression_m)
+    x, s = position_m[seen], compression_m[seen]
+    low_m, high_m = LEAST_TAUT_M, max(TAUT_SHARE * float(np.max(s, initial=0.0)), 2.0 * LEAST_TAUT_M)
+    rough = _line(x, s, (s > low_m) & (s < high_m))
+    # chosen again by position: choosing by a noisy reading would bend the line at the ends
+    s_line = rough.slope * (x - rough.position_m)
+    return _line(x, s, (s_line > low_m) & (s_line < high_m))
+
+
+def _line(position_m: Floats, compression_m: Floats, keep: NDArray[np.bool_]) -> Taut:
     if keep.sum() < LEAST_TAUT_SAMPLES:
         raise RecordingError(f"only {keep.sum()} samples of the taut string; {LEAST_TAUT_SAMPLES} are needed")
     x, s = position_m[keep], compression_m[keep]
@@ -192,7 +203,7 @@ def _string_taut(position_m: Floats, compression_m: Floats) -> _Taut:
     scatter_m = float(np.std(s - s.mean() - slope * (x - centre_m), ddof=2))
     taut_m = centre_m - float(s.mean()) / slope
     sigma_m = scatter_m / slope * float(np.sqrt(1.0 / x.size + (taut_m - centre_m) ** 2 / spread_m2))
-    return _Taut(taut_m, sigma_m, slope)
+    return Taut(taut_m, sigma_m, slope)
 
 
 def _hop(
@@ -205,7 +216,7 @@ def _hop(
     samples = {name: channels.between(name, start_s, end_s) for name in HOP_CHANNELS}
     samples[MAGNET] = channels.between(MAGNET, start_s, min(end_s, stretch.magnet_off_s))
     table = table_of(samples, start_s)
-    held_m, sigma_m = _held_compression_m(channels, stretch)
+    held_m, sigma_m = held_compression_m(channels, stretch)
     return Recording(
         table.times_s,
         table.channels,
@@ -222,7 +233,7 @@ def _hop(
     )
 
 
-def _held_compression_m(channels: Channels, stretch: Stretch) -> tuple[float, float]:
+def held_compression_m(channels: Channels, stretch: Stretch) -> tuple[float, float]:
     """Spring compression while the nut rests before the fire command, and its standard uncertainty [m].
 
     Readings before and after the hop was armed differ in rate and noise: each group weighs by its own scatter.

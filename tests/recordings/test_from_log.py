@@ -10,7 +10,14 @@ import pytest
 
 from flight.log import FlightLog, read_log
 from ground.recordings import Recording, RecordingError, load_recordings
-from ground.recordings.from_log import recordings_from_log, sensors_of_rig, write_hop_recordings
+from ground.recordings.from_log import (
+    held_compression_m,
+    recordings_from_log,
+    sensors_of_rig,
+    string_taut,
+    write_hop_recordings,
+)
+from ground.recordings.log_channels import Channels, Series, Stretch
 from ground.recordings.plant_run import to_run
 from hal.config import config_path
 from sim_hal.plant.simulate import compile_plant, load_plant
@@ -158,3 +165,50 @@ def test_a_log_without_a_devices_readings_is_refused_in_words(log: FlightLog, to
 
 def test_a_log_without_hops_gives_no_recordings(log: FlightLog) -> None:
     assert recordings_from_log(without(log, "state")) == ()
+
+
+def test_string_taut_is_as_uncertain_as_it_says() -> None:
+    random = np.random.default_rng(5)
+    position_m = np.linspace(-0.001, 0.012, 2600)
+    misses = []
+    for taut_m in random.uniform(-1e-4, 1e-4, 400):
+        true_m = np.maximum(0.0, (position_m - taut_m) / 1.161)
+        seen_m = np.clip(np.round((true_m + 20e-6 * random.standard_normal(2600)) / 5e-6) * 5e-6, 0.0, 0.06)
+        found = string_taut(position_m, seen_m)
+        misses.append((found.position_m - taut_m) / found.sigma_m)
+    assert 0.90 < np.mean(np.abs(misses) < 1.96) < 0.98
+    assert abs(np.mean(misses)) < 0.25  # of a sigma
+
+
+def test_the_held_compression_is_as_uncertain_as_it_says() -> None:
+    random = np.random.default_rng(6)
+    slow_s, fast_s = np.arange(0.0, 2.0, 0.005), 2.0 + np.arange(1, 430) / 1666.0
+    nut_m = np.where(slow_s < 1.6, 0.030 + 0.003 * (slow_s - 1.6), 0.030)
+    stretch = Stretch(0.0, 0.0, 2.0, 2.26, 2.3, 3.0, None)
+    misses = []
+    for _ in range(400):
+        drift_m = np.where(slow_s < 1.6, nut_m - 0.030, 0.0)
+        seen_m = np.append(
+            0.026 + drift_m + 20e-6 * random.standard_normal(slow_s.size),
+            0.026 + 50e-6 * random.standard_normal(fast_s.size),
+        )
+        series = {
+            "nut_position_m": Series(slow_s.tolist(), nut_m.tolist()),
+            "spring_compression_m": Series([*slow_s, *fast_s], (np.round(seen_m / 5e-6) * 5e-6).tolist()),
+        }
+        held_m, sigma_m = held_compression_m(Channels(series, ()), stretch)
+        misses.append((held_m - 0.026) / sigma_m)
+    assert 0.90 < np.mean(np.abs(misses) < 1.96) < 0.98
+    assert abs(np.mean(misses)) < 0.25
+
+
+def test_a_nut_that_does_not_pull_gives_no_string_taut() -> None:
+    position_m = np.linspace(0.0, 0.01, 100)
+    for compression_m, says in (
+        (np.zeros(100), "only 0 samples of the taut string"),
+        (np.linspace(0.01, 0.0, 100), "the spring does not follow the nut"),
+    ):
+        with pytest.raises(RecordingError, match=says):
+            string_taut(position_m, compression_m)
+    with pytest.raises(RecordingError, match="the nut does not move"):
+        string_taut(np.zeros(100), np.linspace(0.0, 0.01, 100))
