@@ -95,6 +95,7 @@ def _emit(builder: Builder, model: Model, layout: Layout, outputs: Mapping[str, 
     limits = _columns([*_memories(builder, model, states)], 4)
     rates = [builder.emit(model.rates[name], Section.DYNAMIC) for name in states]
     elements = _columns([_element(builder, element, model, states) for element in model.elements], 5)
+    watches = builder.watches()
     conditions = [builder.emit(margin(flag), Section.CONDITION) for flag in model.structure.flags.values()]
     lists = {
         "rates": rates,
@@ -103,11 +104,12 @@ def _emit(builder: Builder, model: Model, layout: Layout, outputs: Mapping[str, 
         ),
         **dict(zip(("lower", "upper", "lower_slope", "upper_slope"), limits, strict=True)),
         "conditions": conditions + [-1] * len(model.structure.events),
+        "watches": watches,
         "outputs": [builder.emit(node, Section.OUTPUT) for node in outputs.values()],
     }
     starts = np.cumsum([0, *(len(entries) for entries in lists.values())]).tolist()
     table = np.array([entry for entries in lists.values() for entry in entries], dtype=np.int64)
-    return layout._replace(**dict(zip(lists, starts[:-1], strict=True))), table
+    return layout._replace(nw=len(watches), **dict(zip(lists, starts[:-1], strict=True))), table
 
 
 def _columns(rows: Sequence[tuple[int | list[int], ...]], count: int) -> list[list[int]]:
@@ -134,7 +136,7 @@ def _memories(
             upper = builder.emit(memory.upper, Section.DYNAMIC)
             upper_slopes = _slopes(builder, memory.upper, model, states)
             stored = Op("min", (stored, memory.upper))
-        builder.symbols[name] = builder.emit(stored, Section.DYNAMIC)
+        builder.symbols[name] = builder.emit(stored, Section.DYNAMIC, watch=False)
         found.append((lower, upper, slopes, upper_slopes))
     return found
 

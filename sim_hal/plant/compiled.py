@@ -127,6 +127,7 @@ class CompiledPlant:
         span = run.times_s[-1] - run.times_s[0]
         modes = [self._mode(element.strengths, by_name) for element in self.model.elements]
         modes += [engine.IDLE if name in absent else 0 for name in self.model.memories]
+        modes += [0] * program.layout.nw
         for offset, place in enumerate(self.assembled.memory_initial):
             registers[program.layout.memory + offset] = registers[place]
         return Machine(

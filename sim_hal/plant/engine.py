@@ -66,8 +66,8 @@ class Machine(NamedTuple):
 
     clock: time, next step size, steps tried, error of the last step. scale: largest magnitude of each state so
     far. weight: 0 where a state does not count for the error. mode: of the friction elements, then of the
-    memories (0 holding, 1 at the lower limit, 2 at the upper, 3 idle). Flags, memories, inputs and friction
-    forces live in the registers.
+    memories (0 holding, 1 at the lower limit, 2 at the upper, 3 idle), then the side of each kink (±1, 0 on it).
+    Flags, memories, inputs and friction forces live in the registers.
     """
 
     clock: Floats  # (4,)
@@ -75,7 +75,7 @@ class Machine(NamedTuple):
     state: Floats  # (ns,)
     scale: Floats  # (ns,)
     weight: Floats  # (ns,)
-    mode: Ints  # (m + q,)
+    mode: Ints  # (m + q + nw,)
 
 
 class Schedule(NamedTuple):
@@ -281,6 +281,7 @@ def hold(tab: Ints, lay: Layout, r: Floats, mode: Ints, rate: Floats) -> bool:
         j = which[0]
         r[lay.force + j] = -slide_rate(tab, lay, r, j, rate) / grip(tab, lay, r, j, j)
         add_force(tab, lay, r, j, r[lay.force + j], rate)
+        stand_still(tab, lay, r, j, rate)
         return True
     a = np.empty((n, n))
     b = np.empty(n)
@@ -293,7 +294,20 @@ def hold(tab: Ints, lay: Layout, r: Floats, mode: Ints, rate: Floats) -> bool:
     for i in range(n):
         r[lay.force + which[i]] = b[i]
         add_force(tab, lay, r, which[i], b[i], rate)
+    for i in range(n):
+        stand_still(tab, lay, r, which[i], rate)
     return True
+
+
+@compiled
+def stand_still(tab: Ints, lay: Layout, r: Floats, j: int, rate: Floats) -> None:
+    """Make a held state's rate exactly 0, where the sum of forces leaves a rounding error."""
+    only = -1
+    for s in range(lay.ns):
+        if r[tab[lay.velocity + j * lay.ns + s]] != 0.0:
+            only = s if only == -1 else -2
+    if only >= 0:
+        rate[only] = 0.0
 
 
 @compiled
@@ -351,6 +365,21 @@ def crossed(tab: Ints, lay: Layout, r: Floats, i: int) -> bool:
     return bool(r[lay.flag + i] == 0.0 and condition >= 0 and r[condition] >= 0.0)
 
 
+@inlined
+def side_of(tab: Ints, lay: Layout, r: Floats, w: int) -> int:
+    """On which side of its kink entry w of the modes is."""
+    value = r[tab[lay.watches + w - lay.m - lay.q]]
+    return 1 if value > 0.0 else -1 if value < 0.0 else 0
+
+
+@compiled
+def take_sides(tab: Ints, lay: Layout, r: Floats, mode: Ints, every: bool) -> None:
+    """Note on which side of each kink the state is; of those only that were on it, unless `every`."""
+    for w in range(lay.m + lay.q, lay.m + lay.q + lay.nw):
+        if every or mode[w] == 0:
+            mode[w] = side_of(tab, lay, r, w)
+
+
 @compiled
 def settle(
     code: Ints, tab: Ints, lay: Layout, r: Floats, mode: Ints, t: float, state: Floats, rate: Floats
@@ -376,6 +405,7 @@ def settle(
         if changed and release(tab, lay, r, mode, rate):
             continue
         settle_memories(tab, lay, r, mode, rate)
+        take_sides(tab, lay, r, mode, True)
         return OK
     return CHATTER
 
@@ -413,7 +443,7 @@ def memory_turned(tab: Ints, lay: Layout, r: Floats, q: int, mode: int, rate: Fl
 def triggered(tab: Ints, lay: Layout, r: Floats, mode: Ints, x: Floats, rate: Floats, hits: Ints) -> bool:
     """Whether the mode of anything no longer fits at the point just evaluated; `hits` says of what.
 
-    `hits` lists friction elements (2: has turned, ±1: breaks away), then memories, then flags.
+    `hits` lists friction elements (2: has turned, ±1: breaks away), then memories, kinks and flags.
     """
     found = False
     for j in range(lay.m):
@@ -427,9 +457,13 @@ def triggered(tab: Ints, lay: Layout, r: Floats, mode: Ints, x: Floats, rate: Fl
         hit = memory_turned(tab, lay, r, q, mode[lay.m + q], rate)
         hits[lay.m + q] = 1 if hit else 0
         found = found or hit
+    for w in range(lay.m + lay.q, lay.m + lay.q + lay.nw):
+        hit = side_of(tab, lay, r, w) * mode[w] < 0
+        hits[w] = 1 if hit else 0
+        found = found or hit
     for i in range(lay.nf):
         hit = crossed(tab, lay, r, i)
-        hits[lay.m + lay.q + i] = 1 if hit else 0
+        hits[lay.m + lay.q + lay.nw + i] = 1 if hit else 0
         found = found or hit
     return found
 
@@ -547,7 +581,7 @@ def apply_events(p: Program, m: Machine, hits: Ints, at: float) -> None:
             low, high, value = r[tab[lay.lower + q]], r[tab[lay.upper + q]], r[lay.memory + q]
             r[lay.memory + q] = low if abs(low - value) < abs(high - value) else high
     for i in range(lay.nf):
-        if hits[lay.m + lay.q + i] != 0:
+        if hits[lay.m + lay.q + lay.nw + i] != 0:
             set_flag(lay, r, i, at)
 
 
@@ -656,7 +690,7 @@ def integrate(p: Program, m: Machine, plan: Schedule, limits: Limits, outputs: F
     ns = len(m.state)
     lay, r, mode = p.layout, m.registers, m.mode
     k, x, y, rate = np.zeros((7, ns)), np.empty(ns), np.empty(ns), np.empty(ns)
-    hits = np.zeros(lay.m + lay.q + lay.nf, np.int64)
+    hits = np.zeros(len(mode) + lay.nf, np.int64)
     done = 0
     at_once = 0  # events in a row without time passing
     for b in range(len(plan.breaks)):
@@ -684,6 +718,8 @@ def integrate(p: Program, m: Machine, plan: Schedule, limits: Limits, outputs: F
             if event or quarter > 0.0:
                 event = True
                 share = locate(p, m, h, k, quarter if quarter > 0.0 else 1.0, y, rate, hits)
+            else:
+                take_sides(p.table, lay, r, mode, False)
             taken = h * share
             before = done
             done = emit(p, m, plan, done, h, taken, k, outputs, states)

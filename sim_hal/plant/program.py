@@ -60,6 +60,7 @@ class Layout(NamedTuple):
     nf: int  # flags and events
     m: int  # friction elements
     q: int  # memories
+    nw: int = 0  # kinks to watch
     time: int = 0  # registers from here on
     parameter: int = 0
     input: int = 0
@@ -83,6 +84,7 @@ class Layout(NamedTuple):
     lower_slope: int = 0  # (q, ns): coefficients of the lower limit
     upper_slope: int = 0  # (q, ns)
     conditions: int = 0  # (nf,), −1 for an event, which latches at a given time
+    watches: int = 0  # (nw,): what changes sign at a kink of the rates
     outputs: int = 0  # (no,)
     sections: tuple[int, int, int, int, int] = (0, 0, 0, 0, 0)
 
@@ -109,6 +111,7 @@ class Builder:
         self._memo: dict[tuple[str, tuple[int, ...]], int] = {}
         self._code: dict[Section, list[tuple[int, ...]]] = {section: [] for section in Section}
         self._size = 0
+        self._kinks: list[tuple[int, ...]] = []
 
     def block(self, symbols: Sequence[str], section: Section) -> int:
         """Reserve registers for leaf symbols; returns the first."""
@@ -134,8 +137,8 @@ class Builder:
             self._constants[value] = self.anonymous(Section.STATIC)
         return self._constants[value]
 
-    def emit(self, node: Node, section: Section) -> int:
-        """Register that holds the node's value from `section` on."""
+    def emit(self, node: Node, section: Section, watch: bool = True) -> int:
+        """Register that holds the node's value from `section` on; `watch` its kinks."""
         if isinstance(node, Num):
             return self.constant(node.value)
         if isinstance(node, Name):
@@ -146,15 +149,37 @@ class Builder:
             return self.rate_of[_name(node)]
         if node.op == "since":
             return self._instruction("since", self.flag_of[_name(node)], section)
-        operands = tuple(self.emit(arg, section) for arg in node.args)
+        operands = tuple(self.emit(arg, section, watch) for arg in node.args)
         if node.op == "**" and node.args[1] == Num(2.0):
             return self._instruction("square", operands[:1], section)
         if node.op in ("min", "max", "and", "or"):
             result = operands[0]
             for operand in operands[1:]:
+                if watch:
+                    self._kink(node.op, (result, operand), section)
                 result = self._instruction(node.op, (result, operand), section)
             return result
+        if watch:
+            self._kink(node.op, operands, section)
         return self._instruction(node.op, operands, section)
+
+    def _kink(self, op: str, operands: tuple[int, ...], section: Section) -> None:
+        """Note where the rates have a kink: steps shall end there."""
+        moving = any(self._section[operand] is not Section.STATIC for operand in operands)
+        if (
+            op in ("min", "max", "abs")
+            and section is Section.DYNAMIC
+            and moving
+            and operands not in self._kinks
+        ):
+            self._kinks.append(operands)
+
+    def watches(self) -> list[int]:
+        """Registers (from CONDITION on) that change sign where the rates have a kink."""
+        return [
+            operands[0] if len(operands) == 1 else self._instruction("-", operands, Section.CONDITION)
+            for operands in self._kinks
+        ]
 
     def _instruction(self, op: str, operands: tuple[int, ...], section: Section) -> int:
         key = (op, operands)

@@ -15,7 +15,7 @@ from typing import Any
 from hal.config import build_settings
 from hal.errors import ConfigError
 from sim_hal.plant import expressions
-from sim_hal.plant.expressions import ExpressionError, Name, Node, Num
+from sim_hal.plant.expressions import ExpressionError, Node, Num, Op
 from sim_hal.plant.units import (
     BOOLEAN,
     INVERSE,
@@ -190,7 +190,7 @@ class Reader:
 
     def formula(self, value: Any, key: str) -> Node:
         if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
-            return Num(float(value)) if value >= 0 else expressions.Op("neg", (Num(-float(value)),))
+            return Num(float(value)) if value >= 0 else Op("neg", (Num(-float(value)),))
         if not isinstance(value, str):
             raise self.error(key, f"{value!r} must be a formula in text")
         try:
@@ -269,10 +269,11 @@ def _check_units(structure: Structure, reader: Reader) -> None:
     start |= {name: dimension(item.unit) for name, item in structure.known.items()}
     start |= {name: dimension(item.unit) for name, item in structure.definitions.items()}
     for name, state in structure.states.items():
-        if not isinstance(state.initial, str):
+        if not isinstance(state.initial, str) and not is_number(state.initial):
             reader.check(state.initial, start, symbols[name], f"states.{name}.initial")
     for name, memory in structure.memories.items():
-        reader.check(memory.initial, start, symbols[name], f"memories.{name}.initial")
+        if not is_number(memory.initial):
+            reader.check(memory.initial, start, symbols[name], f"memories.{name}.initial")
         for key, limit in (("lower", memory.lower), ("upper", memory.upper)):
             if limit is not None:
                 reader.check(limit, symbols, symbols[name], f"memories.{name}.{key}")
@@ -311,10 +312,12 @@ def _known(node: Node, symbols: Mapping[str, Dimension], key: str, reader: Reade
 
 def _no_rate(node: Node, key: str, reader: Reader) -> None:
     for item in expressions.walk(node):
-        if isinstance(item, expressions.Op) and item.op == "rate":
+        if isinstance(item, Op) and item.op == "rate":
             raise reader.error(key, "rate(…) may stand in outputs only")
 
 
-def name_or_none(node: Node) -> str | None:
-    """The symbol, where the node is nothing but a symbol."""
-    return node.id if isinstance(node, Name) else None
+def is_number(node: Node) -> bool:
+    """Whether an initial value is a plain number, which then is in the unit of what it starts."""
+    return isinstance(node, Num) or (
+        isinstance(node, Op) and node.op == "neg" and isinstance(node.args[0], Num)
+    )

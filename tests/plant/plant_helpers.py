@@ -54,8 +54,8 @@ def states(plant: Plant, run: Run, initial: Mapping[str, float] | None = None) -
     return dict(zip(compiled.state_names, found.T, strict=True))
 
 
-def block(force: str = "push_n", extra: str = "") -> str:
-    """A mass on a floor under a force."""
+def block(force: str = "push_n", extra: str = "", parameters: str = "") -> str:
+    """A mass on a floor under a force; `extra` are further sections, `parameters` further entries."""
     return f"""
 format: 1
 name: block
@@ -67,9 +67,10 @@ states:
 parameters:
   m: {{value: 2.0, std: 0.1, unit: kg}}
   k: {{value: 50.0, std: 1.0, unit: N/m}}
+  {parameters}
 equations:
   kinematics: {{state: q, rate: v}}
-  force_balance: {{state: v, rate: ({force}) / m, balance: true, per_force: 1 / m, velocity: v, position: q}}
+  force_balance: {{state: v, rate: "({force}) / m", balance: true, per_force: 1 / m, velocity: v, position: q}}
 outputs:
   position_m: {{value: q}}
   speed_m_s: {{value: v}}
