@@ -12,11 +12,11 @@ import yaml
 
 from flight import settings as flight_settings
 from flight.executive import fly
-from flight.log import LogError, McapLog
+from flight.log import McapLog
 from flight.mission import MissionResult, load_mission
 from hal.board import board_names, open_board
 from hal.config import config_path, read_yaml
-from hal.errors import HalError
+from hal.errors import BoardUnavailable, HalError
 from hal.tap import tap_board
 
 
@@ -25,7 +25,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         result = _fly(options)
-    except (HalError, LogError, OSError) as error:
+    except (HalError, OSError) as error:
         print(f"flight: {error}", file=sys.stderr)
         return 2
     for report in result.hops:
@@ -48,6 +48,10 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _fly(options: argparse.Namespace) -> MissionResult:
+    if options.board not in board_names():
+        raise BoardUnavailable(
+            f"no board is called {options.board!r}; known here: {', '.join(board_names())}"
+        )
     settings = flight_settings.load(options.settings)
     mission = load_mission(options.mission, settings)
     where = options.board_settings or config_path("boards", f"{options.board}.yaml")

@@ -19,7 +19,8 @@ SEED_S = 0.025  # first stretch to be explained: half a period of the ringing
 BLOCK_S = 0.003  # step by which the stretch grows
 _SEED_STEP_S = 0.002
 _SEARCH_S = 0.06  # the foot may touch again for this long after first leaving the ground
-_PEAK_S = 0.12  # the release comes within this time after the magnet is energised
+_PUSH_OVER = 0.5  # body's specific force, in g, below which the push is over
+_PEAK_S = 0.12  # release and push are over within this time after the magnet is energised
 _LINE_STD = (0.5, 5.0)  # sensor bias [m/s^2] and slow forces [m/s^3] that a line may explain
 _REFIT_GROWTH = 1.15
 _SURPRISE = 6.0  # rms of a block, in sigmas, that the ringing did not predict
@@ -104,15 +105,20 @@ class _Search:
     heartbeat: Heartbeat
 
     def first_release(self) -> int:
-        """The first sample at which, on firm ground, the leg's contact force has vanished."""
+        """The first sample at which the spring, after the release, hardly pushes the body any more.
+
+        Take-off is near: a little later on firm ground, where the leg must first be pulled up.
+        """
         window = np.flatnonzero((self.times_s >= 0.0) & (self.times_s < _PEAK_S))
         if window.size == 0:
             raise NoFlight("no accelerometer samples after the fire command")
         peak = window[int(np.argmax(self.motion[window]))]
-        robot = self.expected.robot
-        after = np.flatnonzero(self.motion[peak:] < -robot.gravity_m_s2 / robot.body_per_leg)
-        if after.size == 0:
-            raise NoFlight("the leg was never pulled off the ground")
+        gravity = self.expected.robot.gravity_m_s2
+        if self.motion[peak] < 2.0 * gravity:
+            raise NoFlight("no push is seen after the fire command")
+        after = np.flatnonzero(self.motion[peak:] < _PUSH_OVER * gravity)
+        if after.size == 0 or self.times_s[peak + after[0]] > _PEAK_S:
+            raise NoFlight("the robot was never pulled off the ground")
         return int(peak + after[0])
 
     def best_seed(self, left: int) -> Stretch:

@@ -20,7 +20,8 @@ from flight.settings import FlightSettings
 
 # Starts of the fit for touchdown, before the first sample that shows it: soft ground shows late.
 _TOUCHDOWN_STARTS_S = (-0.0003, 0.0008)
-_MODEL_ERROR_S = 7e-5  # what the contact models themselves may miss in each instant
+# What the contact models themselves may miss: how ground lets go varies more than how it takes the foot.
+_MODEL_ERROR_S = np.array((2.0e-4, 7e-5))
 _DEGRADED_CHI = 3.0
 _REJECTED_CHI = 60.0
 _REJECTED_BIAS = 0.1  # share of gravity by which the flight may read other than the weight taken away
