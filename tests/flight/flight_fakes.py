@@ -49,23 +49,31 @@ class FakeRobot:
         self.magnet_s = math.inf
         self.hop: TwoMassHop | None = None
         self.hop_s = math.inf
-        self.ground = SAND
-        self.jammed = False
+        self.jammed = self.unplugged = False
         self.held_m: float | None = None  # what a stuck spring sensor shows
         self.failing: set[str] = set()
         self.silent: set[str] = set()
         self.read_until = {"spring": 0.0, "magnet": 0.0, "force": 0.0}
         self.commands: list[GroundCommand] = []
         self.sent: list[tuple[str, str]] = []
-        self.magnet_phases: list[float] = []
+        self.magnet_times_s: list[float] = []
+        self.grounds: list[Ground] = []  # of the hops to come; SAND once it is used up
+        self.hops: list[TwoMassHop] = []
+        self.slips = False
+        self.broken = False
+        self.extra_current_a = 0.0
         self.strokes = 0
         self.on_tick: Callable[[], None] = lambda: None
 
     @property
     def compression_m(self) -> float:
-        if not self.latched:
+        if not self.latched or self.slips:
             return 0.0
         return max(self.nut_m, 0.0) / self.settings.rig.travel_per_compression
+
+    @property
+    def last_hop(self) -> TwoMassHop | None:
+        return self.hops[-1] if self.hops else None
 
     def spring_at(self, times_s: np.ndarray) -> np.ndarray:
         if self.hop is not None:
@@ -85,7 +93,9 @@ class FakeRobot:
             self.now_s += step_s
             energised = self.magnet_on and self.magnet_works
             if energised and self.latched and self.now_s >= self.magnet_s + OPENING_S:
-                self.hop = cached_hop(round(self.compression_m, 6), self.ground)
+                ground = self.grounds.pop(0) if self.grounds else SAND
+                self.hop = cached_hop(round(self.compression_m, 6), ground)
+                self.hops.append(self.hop)
                 self.hop_s, self.latched = self.magnet_s + OPENING_S, False
             if self.hop is not None and self.now_s > self.hop_s + self.hop.duration_s:
                 self.hop = None
@@ -98,6 +108,9 @@ class FakeRobot:
         screw = r * self.settings.rig.spring_stiffness_n_m * self.compression_m
         up = screw / drive.tensioning_efficiency + drive.coulomb_friction_n_m
         down = screw * drive.back_driving_efficiency - drive.coulomb_friction_n_m
+        if self.unplugged:
+            self.current_a = 0.0
+            return
         stall_torque = k_t * self.voltage_v / drive.resistance_ohm
         resisting = up if stall_torque > up else down if stall_torque < down else stall_torque
         slope = k_t * k_t / drive.resistance_ohm + drive.viscous_friction_n_m_s
@@ -151,7 +164,7 @@ class FakeMotor(_Device):
 class FakeMagnet(_Device):
     def switch_on(self) -> None:
         self.robot.magnet_on, self.robot.magnet_s = True, self.robot.now_s
-        self.robot.magnet_phases.append(self.robot.now_s)
+        self.robot.magnet_times_s.append(self.robot.now_s)
 
     def switch_off(self) -> None:
         self.robot.magnet_on = False
@@ -166,7 +179,9 @@ class FakeEncoder(_Device):
 class FakeMotorCurrent(_Device):
     def read(self) -> MotorCurrent:
         self.check()
-        return MotorCurrent(self.robot.now_s, self.robot.current_a)
+        if self.robot.broken:
+            raise ZeroDivisionError("a bug in a driver")
+        return MotorCurrent(self.robot.now_s, self.robot.current_a + self.robot.extra_current_a)
 
 
 class FakeSwitches(_Device):
