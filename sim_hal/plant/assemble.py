@@ -21,7 +21,7 @@ class Assembled:
     """A program and where in its registers things are that Python fills in or reads before a run.
 
     parameters: symbols of the parameter block, in order (the last is the start time).
-    initial, memory_initial, delays: registers of values that depend on parameters alone.
+    initial, memory_initial, delays: registers of values that depend on parameters alone. kinks: formulas watched.
     """
 
     program: Program
@@ -30,6 +30,7 @@ class Assembled:
     initial: Mapping[str, int]
     memory_initial: tuple[int, ...]
     delays: Mapping[str, int]
+    kinks: tuple[Node, ...]
 
 
 def assemble(model: Model, outputs: Mapping[str, Node], source: str) -> Assembled:
@@ -41,7 +42,7 @@ def assemble(model: Model, outputs: Mapping[str, Node], source: str) -> Assemble
     parameters = (*dict.fromkeys(own), *model.structure.known, _START)
     layout = _reserve(builder, model, parameters, flags)
     try:
-        layout, table = _emit(builder, model, layout, outputs)
+        layout, table, kinks = _emit(builder, model, layout, outputs)
         initial = {
             name: builder.emit(state.initial, Section.STATIC)
             for name, state in model.states.items()
@@ -54,7 +55,7 @@ def assemble(model: Model, outputs: Mapping[str, Node], source: str) -> Assemble
     _require_static(builder, source, initial | delays | dict(zip(model.memories, memories, strict=True)))
     code, sections = builder.code()
     program = Program(code, table, builder.registers(), layout._replace(sections=sections))
-    return Assembled(program, parameters, flags, initial, tuple(memories), delays)
+    return Assembled(program, parameters, flags, initial, tuple(memories), delays, kinks)
 
 
 def _reserve(builder: Builder, model: Model, parameters: tuple[str, ...], flags: tuple[str, ...]) -> Layout:
@@ -89,13 +90,15 @@ def _stored(memory: str) -> str:
     return f"stored({memory})"
 
 
-def _emit(builder: Builder, model: Model, layout: Layout, outputs: Mapping[str, Node]) -> tuple[Layout, Ints]:
+def _emit(
+    builder: Builder, model: Model, layout: Layout, outputs: Mapping[str, Node]
+) -> tuple[Layout, Ints, tuple[Node, ...]]:
     """Emit everything, section by section, so that an earlier section never needs a later one."""
     states = tuple(model.states)
     limits = _columns([*_memories(builder, model, states)], 4)
     rates = [builder.emit(model.rates[name], Section.DYNAMIC) for name in states]
     elements = _columns([_element(builder, element, model, states) for element in model.elements], 5)
-    watches = builder.watches()
+    watches, kinks = builder.watches()
     conditions = [builder.emit(margin(flag), Section.CONDITION) for flag in model.structure.flags.values()]
     lists = {
         "rates": rates,
@@ -109,7 +112,8 @@ def _emit(builder: Builder, model: Model, layout: Layout, outputs: Mapping[str, 
     }
     starts = np.cumsum([0, *(len(entries) for entries in lists.values())]).tolist()
     table = np.array([entry for entries in lists.values() for entry in entries], dtype=np.int64)
-    return layout._replace(nw=len(watches), **dict(zip(lists, starts[:-1], strict=True))), table
+    layout = layout._replace(nw=len(watches), **dict(zip(lists, starts[:-1], strict=True)))
+    return layout, table, tuple(kinks)
 
 
 def _columns(rows: Sequence[tuple[int | list[int], ...]], count: int) -> list[list[int]]:

@@ -127,7 +127,9 @@ class CompiledPlant:
         span = run.times_s[-1] - run.times_s[0]
         modes = [self._mode(element.strengths, by_name) for element in self.model.elements]
         modes += [engine.IDLE if name in absent else 0 for name in self.model.memories]
-        modes += [0] * program.layout.nw
+        for node in self.assembled.kinks:
+            own = self.model.kinks.get(node)
+            modes.append(engine.IDLE if own and not any(by_name[key] for key in own) else 0)
         for offset, place in enumerate(self.assembled.memory_initial):
             registers[program.layout.memory + offset] = registers[place]
         return Machine(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from sim_hal.plant.effects import catalogue
 from sim_hal.plant.effects.base import Form
-from sim_hal.plant.expressions import ExpressionError, Name, Node, Num, Op, add, multiply, parse, rename
+from sim_hal.plant.expressions import ExpressionError, Name, Node, Num, Op, add, multiply, parse, rename, walk
 from sim_hal.plant.plant import EffectUse, Plant, check_use
 from sim_hal.plant.structure import Balance, Definition, Memory, PlantError, State, Structure, unit_text
 from sim_hal.plant.units import (
@@ -41,7 +41,11 @@ class Element:
 
 @dataclass(frozen=True)
 class Model:
-    """Equations with all effects in them; `strengths` of the internal states of effects, `delays` by channel."""
+    """Equations with all effects in them.
+
+    strengths: parameters that are 0 where an effect's internal state or memory does not matter. kinks: the same for
+    kinked formulas that only effects bring. delays: by channel.
+    """
 
     structure: Structure
     parameters: tuple[str, ...]
@@ -52,6 +56,7 @@ class Model:
     elements: tuple[Element, ...]
     outputs: Mapping[str, Node]
     strengths: Mapping[str, tuple[str, ...]]
+    kinks: Mapping[Node, tuple[str, ...]]
     delays: Mapping[str, Node]
 
 
@@ -68,6 +73,7 @@ class _Additions:
     rates: dict[str, Node] = field(default_factory=dict)
     memories: dict[str, Memory] = field(default_factory=dict)
     strengths: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    kinks: dict[Node, tuple[str, ...]] = field(default_factory=dict)
     faults: dict[str, list[tuple[int, str, Node]]] = field(default_factory=dict)
     delays: dict[str, list[Node]] = field(default_factory=dict)
 
@@ -104,6 +110,7 @@ def compose(plant: Plant, missing_force: str | None = None) -> Model:
             for channel, node in structure.outputs.items()
         },
         strengths=found.strengths,
+        kinks={node: own for node, own in found.kinks.items() if node not in _kinks_of(structure)},
         delays={channel: add(*parts) for channel, parts in found.delays.items()},
     )
 
@@ -115,17 +122,22 @@ def _collect(plant: Plant, use: EffectUse, form: Form, found: _Additions) -> Non
     prefix = plant.prefix(use)
     translate = _translator(plant, use, form, balance)
     strengths = tuple(f"{prefix}.{item.name}" for item in form.parameters if item.strength)
+    for text in form.formulas():
+        for node in walk(translate(text)):
+            found.kinks[node] = (*found.kinks.get(node, ()), *strengths)
     _check_formulas(plant, use, form)
     for name, state in form.states.items():
         own = f"{prefix}.{name}"
         found.states[own] = State(state.unit, translate(state.initial))
         found.rates[own] = translate(state.rate)
-        found.strengths[own] = strengths
+        if strengths:
+            found.strengths[own] = strengths
     for name, memory in form.memories.items():
         upper = None if memory.upper is None else translate(memory.upper)
         own = f"{prefix}.{name}"
         found.memories[own] = Memory(memory.unit, translate(memory.lower), upper, translate(memory.initial))
-        found.strengths[own] = strengths
+        if strengths:
+            found.strengths[own] = strengths
     for ports, additions in ((form.terms, found.terms), (form.factors, found.factors)):
         for port, text in ports.items():
             additions.setdefault(port, []).append(translate(text))
@@ -135,13 +147,20 @@ def _collect(plant: Plant, use: EffectUse, form: Form, found: _Additions) -> Non
         if form.inertia:
             found.inertias.setdefault(balance.name, []).append(translate(form.inertia))
         if form.dry:
-            found.dry.append((balance, translate(form.dry[0]), translate(form.dry[1]), strengths))
+            found.dry.append((balance, translate(form.dry[0]), translate(form.dry[1]), strengths or None))
     if use.channel is not None:
         if form.sensor:
             fault = (effect.rank, prefix, translate(form.sensor))
             found.faults.setdefault(use.channel, []).append(fault)
         if form.delay:
             found.delays.setdefault(use.channel, []).append(translate(form.delay))
+
+
+def _kinks_of(structure: Structure) -> set[Node]:
+    """All formulas within the nominal equations."""
+    whole = [*structure.rates.values(), *(item.value for item in structure.definitions.values())]
+    whole += [node for item in structure.friction for node in (item.forward, item.backward)]
+    return {node for formula in whole for node in walk(formula)}
 
 
 def _translator(plant: Plant, use: EffectUse, form: Form, balance: Balance | None) -> Callable[[str], Node]:

@@ -23,7 +23,7 @@ from sim_hal.plant.program import OPCODES, Floats, Ints, Layout, Program
 
 OK, NOT_FINITE, STEP_VANISHED, TOO_MANY_STEPS, CHATTER, EMPTY_BAND, NO_GRIP = range(7)
 OFF = 2  # mode of a friction element without strength
-IDLE = 3  # mode of a memory without strength
+IDLE = 3  # mode of a memory or kink without strength
 BAND_TOLERANCE = (
     1e-9  # share of the band by which the holding force must leave it: keeps stick from flickering
 )
@@ -376,7 +376,7 @@ def side_of(tab: Ints, lay: Layout, r: Floats, w: int) -> int:
 def take_sides(tab: Ints, lay: Layout, r: Floats, mode: Ints, every: bool) -> None:
     """Note on which side of each kink the state is; of those only that were on it, unless `every`."""
     for w in range(lay.m + lay.q, lay.m + lay.q + lay.nw):
-        if every or mode[w] == 0:
+        if mode[w] == 0 or (every and mode[w] != IDLE):
             mode[w] = side_of(tab, lay, r, w)
 
 
@@ -458,7 +458,7 @@ def triggered(tab: Ints, lay: Layout, r: Floats, mode: Ints, x: Floats, rate: Fl
         hits[lay.m + q] = 1 if hit else 0
         found = found or hit
     for w in range(lay.m + lay.q, lay.m + lay.q + lay.nw):
-        hit = side_of(tab, lay, r, w) * mode[w] < 0
+        hit = mode[w] != IDLE and side_of(tab, lay, r, w) * mode[w] < 0
         hits[w] = 1 if hit else 0
         found = found or hit
     for i in range(lay.nf):

@@ -51,6 +51,9 @@ _CHOICES = ("min", "max", "where", "<", "<=", ">", ">=", "and", "or", "not", "si
 #: Operation codes of the machine; `engine.py` executes them.
 OPCODES: Mapping[str, int] = {name: code for code, name in enumerate((*_ARITHMETIC, *_CHOICES))}
 
+#: Functions of a kink where their arguments meet (or theirs meets 0).
+KINKS = ("min", "max", "abs")
+
 
 class Layout(NamedTuple):
     """Sizes; first register of each block; where each list starts in the table; where each section starts."""
@@ -111,7 +114,7 @@ class Builder:
         self._memo: dict[tuple[str, tuple[int, ...]], int] = {}
         self._code: dict[Section, list[tuple[int, ...]]] = {section: [] for section in Section}
         self._size = 0
-        self._kinks: list[tuple[int, ...]] = []
+        self._kinks: dict[tuple[int, ...], Node] = {}
 
     def block(self, symbols: Sequence[str], section: Section) -> int:
         """Reserve registers for leaf symbols; returns the first."""
@@ -156,30 +159,26 @@ class Builder:
             result = operands[0]
             for operand in operands[1:]:
                 if watch:
-                    self._kink(node.op, (result, operand), section)
+                    self._kink(node, (result, operand), section)
                 result = self._instruction(node.op, (result, operand), section)
             return result
         if watch:
-            self._kink(node.op, operands, section)
+            self._kink(node, operands, section)
         return self._instruction(node.op, operands, section)
 
-    def _kink(self, op: str, operands: tuple[int, ...], section: Section) -> None:
+    def _kink(self, node: Op, operands: tuple[int, ...], section: Section) -> None:
         """Note where the rates have a kink: steps shall end there."""
         moving = any(self._section[operand] is not Section.STATIC for operand in operands)
-        if (
-            op in ("min", "max", "abs")
-            and section is Section.DYNAMIC
-            and moving
-            and operands not in self._kinks
-        ):
-            self._kinks.append(operands)
+        if node.op in KINKS and section is Section.DYNAMIC and moving:
+            self._kinks.setdefault(operands, node)
 
-    def watches(self) -> list[int]:
-        """Registers (from CONDITION on) that change sign where the rates have a kink."""
-        return [
+    def watches(self) -> tuple[list[int], list[Node]]:
+        """Registers (from CONDITION on) that change sign where the rates have a kink, and the kinked formulas."""
+        registers = [
             operands[0] if len(operands) == 1 else self._instruction("-", operands, Section.CONDITION)
             for operands in self._kinks
         ]
+        return registers, list(self._kinks.values())
 
     def _instruction(self, op: str, operands: tuple[int, ...], section: Section) -> int:
         key = (op, operands)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from hal.config import StrictLoader
 from sim_hal.plant.compose import place_units
 from sim_hal.plant.plant import check_use
 from sim_hal.plant.simulate import EffectUse, Parameter, Plant, Run, compile_plant, load_plant, read_plant
@@ -18,7 +19,7 @@ CONFIG = Path(__file__).resolve().parents[2] / "config" / "plant"
 
 def plant_of(text: str) -> Plant:
     """A plant from YAML text."""
-    return read_plant(yaml.safe_load(text), "test.yaml")
+    return read_plant(yaml.load(text, Loader=StrictLoader), "test.yaml")
 
 
 def shipped(name: str) -> Plant:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
-from plant_helpers import block, plant_of, pushed, simulate, states, use_of
+from plant_helpers import block, hop_run, plant_of, pushed, shipped, simulate, states, use_of
 
 from sim_hal.plant.simulate import PlantError, Run, SimulationError, compile_plant
 
@@ -272,3 +276,25 @@ def test_the_order_of_effects_does_not_matter_to_the_bit() -> None:
     for channel, values in first.items():
         assert np.array_equal(values, second[channel])
     assert not np.allclose(first["position_m"], simulate(plant, run)["position_m"], atol=1e-4)
+
+
+WITHOUT_NUMBA = """
+import sys
+sys.modules["numba"] = None
+sys.path[:0] = [sys.argv[1]]
+import numpy as np
+from plant_helpers import hop_run, shipped, simulate
+from sim_hal.plant.jit import HAVE_NUMBA
+assert not HAVE_NUMBA
+found = simulate(shipped("bb0b_hop"), hop_run(np.arange(0.0, 0.07, 0.001)))
+print(" ".join(repr(float(value)) for value in found["spring_compression_m"]))
+"""
+
+
+def test_without_numba_the_same_comes_out_only_slower() -> None:
+    folder = str(Path(__file__).parent)
+    done = subprocess.run([sys.executable, "-c", WITHOUT_NUMBA, folder], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    plain = np.array([float(text) for text in done.stdout.split()])
+    compiled = simulate(shipped("bb0b_hop"), hop_run(np.arange(0.0, 0.07, 0.001)))["spring_compression_m"]
+    assert np.allclose(plain, compiled, rtol=0, atol=1e-12)
