@@ -293,7 +293,9 @@ print(" ".join(repr(float(value)) for value in found["spring_compression_m"]))
 
 def test_without_numba_the_same_comes_out_only_slower() -> None:
     folder = str(Path(__file__).parent)
-    done = subprocess.run([sys.executable, "-c", WITHOUT_NUMBA, folder], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_NUMBA, folder], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     plain = np.array([float(text) for text in done.stdout.split()])
     compiled = simulate(shipped("bb0b_hop"), hop_run(np.arange(0.0, 0.07, 0.001)))["spring_compression_m"]
