@@ -336,3 +336,11 @@ def test_names_of_parameters_carry_the_equation_where_there_are_several() -> Non
     names = compile_plant(hop).parameter_names
     assert "quartz_sand.k_l" in names and names[-1] == "body_momentum.sleeve_friction.F_f"
     assert hop.with_values({names[-1]: 2.5}).effects[0].parameters["F_f"].value == 2.5
+
+
+def test_the_manual_lists_every_effect_with_its_formulas() -> None:
+    manual = (Path(__file__).resolve().parents[2] / "docs" / "plants.md").read_text()
+    rows = {line.split("`")[1]: line for line in manual.splitlines() if line.startswith("| `")}
+    for physics_id, effect in catalogue().items():
+        for formula in effect.forms[-1].formulas():
+            assert f"`{formula}`" in rows[physics_id] or f"({formula})" in rows[physics_id], physics_id
