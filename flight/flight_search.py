@@ -23,6 +23,7 @@ _PUSH_OVER = 0.5  # body's specific force, in g, below which the push is over
 _PEAK_S = 0.12  # release and push are over within this time after the magnet is energised
 _LINE_STD = (0.5, 5.0)  # sensor bias [m/s^2] and slow forces [m/s^3] that a line may explain
 _REFIT_GROWTH = 1.15
+_LANDING_SAMPLES = 10  # needed after touchdown to tell it from the end of the record
 _SURPRISE = 6.0  # rms of a block, in sigmas, that the ringing did not predict
 _EXPLAINED = 2.5  # rms of that block, once the ringing was fitted to it too, that is no contact
 
@@ -85,7 +86,7 @@ def find_flight(times_s: Array, motion_m_s2: Array, expected: Expectation, heart
     seed = search.best_seed(left)
     noise = max(expected.noise_m_s2, seed.rms_m_s2)
     forward = search.grow(seed, noise, +1)
-    if forward.stop >= times_s.size:
+    if times_s.size - forward.stop < _LANDING_SAMPLES:
         raise NoFlight("the record ends before the robot has touched down")
     return search.grow(forward, noise, -1)
 

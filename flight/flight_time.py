@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight.contact_fit import ContactFit, P, fit_contact
-from flight.flight_search import Expectation, NoFlight, Stretch, find_flight
+from flight.flight_search import Expectation, NoFlight, Stretch, explained, find_flight
 from flight.heartbeat import Heartbeat, Stalled
 from flight.record import HopRecord
 from flight.settings import FlightSettings
@@ -119,9 +119,10 @@ class _Estimate:
 
     def _check_impact(self, stretch: Stretch) -> None:
         """After a flight something must hit: the ringing parts from its course for good."""
-        after = slice(stretch.stop, min(stretch.stop + 40, self.times.size))
+        after = slice(stretch.stop, stretch.stop + 40)
+        unexplained = self.motion[after] - explained(stretch, self.times[after])
         flying = self.times[stretch.stop - 1] - self.times[stretch.first]
-        if float(np.max(np.abs(self.motion[after]), initial=0.0)) < self.gravity:
+        if float(np.max(np.abs(unexplained))) < self.gravity:
             raise NoFlight("no impact after the flight")
         clipped = self.record.saturated[stretch.first : stretch.stop]
         if np.any(clipped):
