@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -98,7 +99,7 @@ def diagnose_command(
         reference = load_plant(configured("plant", compare)) if compare else None
         read = read_recordings(recordings, mapping)
         with console.steps() as show:
-            outcome = diagnose(read, given, show, reference)
+            outcome = diagnose(read, given, show, reference, processes=min(4, os.cpu_count() or 1))
         write_outcome(outcome, out)
     if as_json:
         console.print_json(json.loads(outcome.diagnosis.to_json()))

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
 from sim_hal.plant.compose import place_units
-from sim_hal.plant.effects.base import Form
 from sim_hal.plant.plant import check_use, find_effect
 from sim_hal.plant.simulate import Effect, EffectUse, Parameter, Plant, catalogue, prior
 
@@ -34,6 +33,11 @@ class Candidate:
     def physics_id(self) -> str:
         """The taxonomy's name."""
         return self.effect.physics_id
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters that a fit is free to choose."""
+        return sum(math.isinf(parameter.std) for parameter in self.uses[0].parameters.values())
 
     @property
     def place(self) -> str:
@@ -64,9 +68,9 @@ def candidates(plant: Plant, scales: Scales) -> tuple[Candidate, ...]:
     present = {plant.prefix(use) for use in plant.effects}
     found: list[Candidate] = []
     for effect in catalogue().values():
-        for equation, channel in places(effect, plant):
+        for equation, channel in plant.places(effect):
             use = EffectUse(effect.physics_id, equation, channel, {})
-            if plant.prefix(use) in present or (channel or equation) not in scales:
+            if plant.prefix(use) in present or (channel is not None and channel not in scales):
                 continue
             candidate = candidate_at(effect, use, plant, scales)
             if candidate is not None:
@@ -74,29 +78,13 @@ def candidates(plant: Plant, scales: Scales) -> tuple[Candidate, ...]:
     return tuple(found)
 
 
-def places(effect: Effect, plant: Plant) -> Iterator[tuple[str, str | None]]:
-    """Where an effect may enter a plant: (equation, channel)."""
-    if effect.kind == "sensor":
-        yield from (("sensor", channel) for channel in plant.structure.outputs)
-    elif plant.kind == "equations":
-        yield from ((name, None) for name in plant.structure.balances)
-    else:
-        yield effect.equation, None
-
-
-def form_at(effect: Effect, use: EffectUse, plant: Plant) -> Form | None:
-    """The form in which the effect would act there, or None."""
-    if effect.kind == "sensor":
-        return effect.forms[0]
-    balance = plant.balance(effect, use.equation)
-    form = plant.form(effect, balance)
-    needs_balance = form is not None and (form.force or form.dry or form.inertia)
-    return None if needs_balance and balance is None else form
-
-
 def candidate_at(effect: Effect, use: EffectUse, plant: Plant, scales: Scales) -> Candidate | None:
     """One effect in one place with its starts; None where it cannot act."""
-    form = form_at(effect, use, plant)
+    form = (
+        effect.forms[0]
+        if effect.kind == "sensor"
+        else plant.form(effect, plant.balance(effect, use.equation))
+    )
     strengths = tuple(p.name for p in form.parameters if p.strength) if form else ()
     if form is None or not strengths:
         return None

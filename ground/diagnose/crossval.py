@@ -48,19 +48,31 @@ def cross_validate(fit: Fit, segments: Sequence[Segment], sigmas: Float, ranges:
 
     A single segment cannot be left out; its own residuals stand in, and the learned scale with them.
     """
+    if len(segments) == 1:
+        return in_sample(fit, segments)
     residuals: list[Float] = []
     scales: list[Float] = []
     width = segments[0].observed.shape[1]
     for held in folds_of(len(segments)):
         kept = [segment for i, segment in enumerate(segments) if i not in held]
-        trained = fit
-        if kept:
-            trained = fit_plant(fit.plant, kept, sigmas, ranges, fit.values, tolerance=1e-3, iterations=6)
+        trained = fit_plant(fit.plant, kept, sigmas, ranges, fit.values, tolerance=1e-3, iterations=6)
         scale = learned_scale(trained.residuals.reshape(-1, width))
         for number in sorted(held):
             residuals.append(predict_segment(trained, segments[number], sigmas))
             scales.append(scale)
     return HeldOut(tuple(residuals), tuple(scales))
+
+
+def in_sample(fit: Fit, segments: Sequence[Segment]) -> HeldOut:
+    """The residuals that a fit leaves on its own segments, in the same form."""
+    width = segments[0].observed.shape[1]
+    rows = fit.residuals.reshape(-1, width)
+    edges = np.cumsum([segment.samples for segment in segments])[:-1]
+    residuals = [
+        np.where(np.isfinite(segment.observed), block, np.nan)
+        for segment, block in zip(segments, np.split(rows, edges), strict=True)
+    ]
+    return HeldOut(tuple(residuals), (learned_scale(rows),) * len(segments))
 
 
 def predict_segment(fit: Fit, segment: Segment, sigmas: Float) -> Float:

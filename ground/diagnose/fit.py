@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.gauss_newton import minimise
-from ground.diagnose.segments import Segment
+from ground.diagnose.segments import Segment, head_of_run
 from sim_hal.plant.simulate import CompiledPlant, Plant, SimulationError, compile_plant
 
 Float = NDArray[np.float64]
@@ -24,6 +24,11 @@ Ranges = Mapping[str, tuple[float, float, float]]
 PRIOR_REACH = 3.0
 STEP = 1e-3
 """Finite-difference step in scaled units: far above the integrator's error, far below a sigma."""
+LEAST_INFORMATION = 1e-12
+"""Smallest eigenvalue of a scaled information matrix that counts as known."""
+TOLERANCE = 1e-7
+"""Relative error per integration step: with `STEP`, sensitivities are right to about one part in a thousand."""
+STEPS_PER_SAMPLE = 60
 BLOWN_UP = 1e4
 """Standardised residual given to every sample of a simulation that did not get through."""
 
@@ -82,7 +87,7 @@ class FitProblem:
         frozen: Mapping[str, float] | None = None,
     ) -> None:
         self.plant = plant
-        self.compiled: CompiledPlant = compile_plant(plant)
+        self.compiled = quick(plant, segments)
         self.segments = tuple(segments)
         self.sigmas = sigmas
         self._index = {name: i for i, name in enumerate(self.compiled.parameter_names)}
@@ -117,9 +122,11 @@ class FitProblem:
     def _initial_states(self) -> list[Free]:
         free: list[Free] = []
         for number, segment in enumerate(self.segments):
-            for state in self.compiled.fitted_initial_states:
-                guess, scale = initial_guess(self.compiled, self._base, segment, state)
-                free.append(Free(state, guess, scale, -np.inf, np.inf, prior=False, segment=number))
+            if not segment.open_scales:
+                continue
+            start = self.compiled.initial_values(self._base, segment.run)
+            for state, scale in segment.open_scales.items():
+                free.append(Free(state, start[state], scale, -np.inf, np.inf, prior=False, segment=number))
         return free
 
     def values(self, z: Float) -> Float:
@@ -195,33 +202,21 @@ class FitProblem:
         return minimise(self.residuals, self.sensitivities, z, -none, none, tolerance=1e-8, iterations=15)[0]
 
 
-def initial_guess(
-    compiled: CompiledPlant, values: Float, segment: Segment, state: str
-) -> tuple[float, float]:
-    """First guess of an initial state that is to be fitted, and the change of it that moves the outputs by 1 %."""
-    head = head_of(segment)
-    start = compiled.initial_values(values, head.run)
-    guess = start[state]
-    try:
-        here = compiled.run(values, head.run, start)
-        there = compiled.run(values, head.run, {**start, state: guess + 1.0})
-    except SimulationError:
-        return guess, 1.0
-    spread = np.nanmax(segment.observed, axis=0) - np.nanmin(segment.observed, axis=0)
-    moved = (there - here) / np.where(spread > 0.0, spread, 1.0)
-    strength = float(np.sqrt(np.mean(moved**2)))
-    return guess, 1e-2 / strength if strength > 0.0 else 1.0
+def quick(plant: Plant, segments: Sequence[Segment]) -> CompiledPlant:
+    """The plant ready for a fit: a tolerance that suits differences, and a limit on stiff guesses.
+
+    A candidate whose start makes the equations so stiff that they take hundreds of steps a sample would hold up all
+    others; such a simulation counts as blown up.
+    """
+    compiled = compile_plant(plant, relative_tolerance=TOLERANCE)
+    most = STEPS_PER_SAMPLE * max(segment.samples for segment in segments) + 10_000
+    return replace(compiled, tolerances=compiled.tolerances._replace(steps=most))
 
 
-def head_of(segment: Segment, share: float = 0.03, least: int = 30) -> Segment:
-    """The first samples of a segment: what an unstated initial state may be read from."""
-    count = min(segment.samples, max(least, int(share * segment.samples)))
-    run = replace(
-        segment.run,
-        times_s=segment.run.times_s[:count],
-        inputs={name: values[:count] for name, values in segment.run.inputs.items()},
-    )
-    return replace(segment, run=run, observed=segment.observed[:count])
+def head_of(segment: Segment) -> Segment:
+    """The first samples of a segment: what an open initial state may be read from."""
+    run = head_of_run(segment.run)
+    return replace(segment, run=run, observed=segment.observed[: run.times_s.size])
 
 
 def fit_plant(
@@ -275,14 +270,23 @@ def robust_covariance(jacobian: Float, residuals: Float, prior: Float, problem: 
     The scores are summed over blocks and their scatter taken as it is; never less than the inverse information.
     """
     information = jacobian.T @ jacobian + np.diag(prior)
-    bread = np.linalg.pinv(information)
+    bread = inverse(information)
     meat = np.diag(prior)
     for rows in blocks(problem.segments):
         score = jacobian[rows].T @ residuals[rows]
         meat = meat + np.outer(score, score)
     sandwich = bread @ meat @ bread
-    grow = np.sqrt(np.maximum(1.0, np.diag(bread) / np.maximum(np.diag(sandwich), 1e-300)))
-    return sandwich * np.outer(grow, grow)
+    floor = np.diag(bread)
+    grow = np.sqrt(np.maximum(1.0, floor / np.maximum(np.diag(sandwich), 1e-12 * floor)))
+    return np.asarray(sandwich * np.outer(grow, grow))
+
+
+def inverse(information: Float) -> Float:
+    """Inverse of an information matrix, symmetric and positive; what is not known at all gets a huge variance."""
+    size = np.sqrt(np.maximum(np.diag(information), LEAST_INFORMATION * np.trace(information) + 1e-200))
+    values, vectors = np.linalg.eigh(information / np.outer(size, size))
+    scaled = (vectors / np.maximum(values, LEAST_INFORMATION)) @ vectors.T
+    return np.asarray(scaled / np.outer(size, size))
 
 
 def blocks(segments: Sequence[Segment], wanted: int = 24) -> list[slice]:

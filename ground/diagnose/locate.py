@@ -13,15 +13,16 @@ from ground.diagnose.evidence import LocatedForce
 from ground.diagnose.fit import Fit
 from ground.diagnose.segments import Segment
 from ground.diagnose.smoothing import Smoothed, StateSpace, smooth
+from sim_hal.plant.run import smoothed_start
 from sim_hal.plant.simulate import MISSING_FORCE, CompiledPlant, Plant, compile_plant, probes
 
 Float = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-STEPS = 1200
+STEPS = 800
 """Steps that a recording is smoothed in; the inputs still act at every sample."""
-SEARCH_STEPS = 300
-SHARES = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
+SEARCH_STEPS = 200
+SHARES = (1e-2, 1e-1, 1.0, 10.0)
 """Intensities tried: the missing force's wander over the recording, as multiples of the typical force."""
 FINEST = 1e-5
 """Share of a channel's range that a reading is trusted to at best; keeps the filter's matrices sound."""
@@ -48,6 +49,7 @@ def locate(
 def locate_in(fit: Fit, segment: Segment, sigmas: Float, balance: str, typical: float) -> LocatedForce | None:
     """The missing force of one balance; None where it does not act on what was measured."""
     plant = fit.plant.with_values(fit.values)
+    segment = without_start(segment, plant)
     space = state_space(plant, balance, thinned(segment, STEPS), sigmas, typical)
     coarse = state_space(plant, balance, thinned(segment, SEARCH_STEPS), sigmas, typical)
     duration = segment.run.times_s[-1] - segment.run.times_s[0]
@@ -79,6 +81,16 @@ def still_missing(
     """The same with what the extended plant still lacks."""
     after = locate_in(fit, segment, sigmas, force.equation, typical)
     return force if after is None else replace(force, after=after.before)
+
+
+def without_start(segment: Segment, plant: Plant) -> Segment:
+    """The segment with its start smoothed once: at every later sample the smoother says where to start."""
+    start = {}
+    for name in plant.structure.known:
+        channel = name.removeprefix("first(").removesuffix(")")
+        if channel != name and channel in segment.run.first_samples:
+            start[name] = smoothed_start(segment.run.times_s, segment.run.first_samples[channel])[0]
+    return replace(segment, run=replace(segment.run, known={**segment.run.known, **start}))
 
 
 def thinned(segment: Segment, steps: int) -> tuple[Segment, NDArray[np.int64]]:

@@ -15,12 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.diagnose.candidates import Candidate, Scales, candidates, ranges_of
-from ground.diagnose.crossval import HeldOut, cross_validate
-from ground.diagnose.fit import Fit, fit_plant
+from ground.diagnose.candidates import Candidate, candidates
+from ground.diagnose.crossval import HeldOut, in_sample
+from ground.diagnose.fit import Fit
 from ground.diagnose.scoring import effective_share, model_weights, probability_better
 from ground.diagnose.screen import screen
-from ground.diagnose.segments import Segment
+from ground.diagnose.workers import FitTask, Workers, fit_job, validate_job
 from sim_hal.plant.simulate import Plant
 
 Float = NDArray[np.float64]
@@ -29,6 +29,8 @@ Progress = Callable[[str], None]
 ACCEPT = 0.95
 SCREENED = 5
 """Candidates that get a full fit in each round."""
+RIVALS = 3
+"""Fitted candidates that go on to cross-validation at the most."""
 CLOSE = 2.0
 """Fitted candidates within this factor of the best one's chi-square go on to cross-validation."""
 MOST_EFFECTS = 6
@@ -63,12 +65,8 @@ class Named:
 class Search:
     """Forward selection of effects on given segments, with replacement."""
 
-    def __init__(
-        self, segments: Sequence[Segment], sigmas: Float, scales: Scales, progress: Progress
-    ) -> None:
-        self.segments = tuple(segments)
-        self.sigmas = sigmas
-        self.scales = scales
+    def __init__(self, workers: Workers, progress: Progress) -> None:
+        self.workers = workers
         self.progress = progress
         self._held_out: dict[tuple[str, ...], HeldOut] = {}
 
@@ -85,31 +83,33 @@ class Search:
             current = next(fit for candidate, fit in fits if candidate is best.candidate)
             chosen.append(best)
             current, chosen = self.replace_earlier(current, chosen)
-        final = tuple(self.contest(current, one, chosen) for one in chosen)
+        final = tuple(self.contest(current, one) for one in chosen)
         return Named(current, final, refused)
 
     def fit_best(self, current: Fit) -> list[tuple[Candidate, Fit]]:
         """The candidates that the residuals ask for most, each fitted in full with the plant as it stands."""
         self.progress("screening all effects")
-        offered = candidates(current.plant, self.scales)
-        fits = []
-        for candidate in screen(current, offered, self.segments, self.sigmas)[:SCREENED]:
-            self.progress(f"fitting {candidate.label}")
-            fits.append((candidate, self.fit(current.plant.with_effect(candidate.uses[0]), current)))
-        return fits
+        context = self.workers.context
+        offered = candidates(current.plant, context.scales)
+        best = screen(current, offered, context.segments, context.sigmas)[:SCREENED]
+        self.progress(f"fitting {', '.join(candidate.label for candidate in best)}")
+        tasks = [FitTask(current.plant.with_effect(c.uses[0]), current.values) for c in best]
+        fits = zip(best, self.workers.map(fit_job, tasks), strict=True)
+        return sorted(fits, key=lambda pair: pair[1].chi2)
 
-    def fit(self, plant: Plant, near: Fit) -> Fit:
-        """Full fit of a plant, from the values of a fit nearby."""
-        return fit_plant(plant, self.segments, self.sigmas, ranges_of(plant, self.scales), near.values)
+    def fit_all(self, plants: Sequence[Plant], near: Fit) -> list[Fit]:
+        """Full fits of plants, from the values of a fit nearby."""
+        return list(self.workers.map(fit_job, [FitTask(plant, near.values) for plant in plants]))
 
-    def held_out(self, fit: Fit, label: str) -> HeldOut:
-        """Cross-validated residuals of a fit; each set of effects is done once."""
-        key = tuple(sorted(fit.plant.prefix(use) for use in fit.plant.effects))
-        if key not in self._held_out:
+    def held_out(self, fits: Sequence[Fit], label: str) -> list[HeldOut]:
+        """Cross-validated residuals of fits; each set of effects is done once."""
+        keys = [tuple(sorted(fit.plant.prefix(use) for use in fit.plant.effects)) for fit in fits]
+        new = {key: fit for key, fit in zip(keys, fits, strict=True) if key not in self._held_out}
+        if new:
             self.progress(f"cross-validating {label}")
-            ranges = ranges_of(fit.plant, self.scales)
-            self._held_out[key] = cross_validate(fit, self.segments, self.sigmas, ranges)
-        return self._held_out[key]
+            found = self.workers.map(validate_job, list(new.values()))
+            self._held_out.update(zip(new, found, strict=True))
+        return [self._held_out[key] for key in keys]
 
     def best_of(
         self, current: Fit, fits: Sequence[tuple[Candidate, Fit]]
@@ -117,22 +117,21 @@ class Search:
         """The candidate that joins, or None; and each candidate's probability of predicting better."""
         if not fits:
             return None, ()
-        least = min(fit.chi2 for _, fit in fits)
-        close = [(candidate, fit) for candidate, fit in fits if fit.chi2 <= CLOSE * least]
-        share = self.share(min((fit for _, fit in close), key=lambda fit: fit.chi2))
-        before = self.held_out(current, "the plant as it stands")
+        close = [(candidate, fit) for candidate, fit in fits if fit.chi2 <= CLOSE * fits[0][1].chi2][:RIVALS]
+        share = self.share(fits[0][1])
+        label = f"the plant as it stands, {', '.join(candidate.label for candidate, _ in close)}"
+        before, *after = self.held_out([current, *(fit for _, fit in close)], label)
         tried: list[tuple[Candidate, float]] = []
         able: list[tuple[Candidate, Float]] = []
-        for candidate, fit in close:
-            after = self.held_out(fit, candidate.label)
-            better = probability_better(after.scores(share), before.scores(share))
+        for (candidate, fit), held in zip(close, after, strict=True):
+            better = probability_better(held.scores(share), before.scores(share))
             tried.append((candidate, better))
-            worthwhile = after.mean_square < (1.0 - WORTHWHILE) * before.mean_square
+            worthwhile = held.mean_square < (1.0 - WORTHWHILE) * before.mean_square
             if better >= ACCEPT and worthwhile and identified(candidate, fit):
-                able.append((candidate, after.scores(share)))
+                able.append((candidate, held.scores(share)))
         if not able:
             return None, tuple(tried)
-        weights = model_weights(np.vstack([scores for _, scores in able]))
+        weights = model_weights(np.vstack([scores for _, scores in able]), [c.parameters for c, _ in able])
         winner = able[int(np.argmax(weights))][0]
         rivals = tuple(candidate for candidate, _ in close if candidate is not winner)
         better = next(p for candidate, p in tried if candidate is winner)
@@ -140,45 +139,47 @@ class Search:
 
     def share(self, fit: Fit) -> Float:
         """Effective samples per sample, by output, as the residuals of the best fit tell them."""
-        return effective_share(fit.residuals.reshape(-1, self.segments[0].observed.shape[1]))
+        return effective_share(fit.residuals.reshape(-1, self.workers.context.segments[0].observed.shape[1]))
 
     def replace_earlier(self, current: Fit, chosen: list[Chosen]) -> tuple[Fit, list[Chosen]]:
         """Let a rival take the place of an effect that joined earlier, where the plant then fits clearly better."""
         for number, one in enumerate(chosen[:-1]):
-            for rival in one.rivals:
-                swapped = self.swapped(current, one.candidate, rival)
-                if swapped is None or swapped.chi2 >= CLEARLY * current.chi2:
-                    continue
-                self.progress(f"replacing {one.candidate.label} by {rival.label}")
-                others = tuple(c for c in (one.candidate, *one.rivals) if c is not rival)
-                chosen[number] = replace(one, candidate=rival, rivals=others)
-                current = swapped
-                break
+            swapped = self.swapped(current, one)
+            if not swapped or swapped[0][1].chi2 >= CLEARLY * current.chi2:
+                continue
+            rival, current = swapped[0]
+            self.progress(f"replacing {one.candidate.label} by {rival.label}")
+            others = tuple(c for c in (one.candidate, *one.rivals) if c is not rival)
+            chosen[number] = replace(one, candidate=rival, rivals=others)
         return current, chosen
 
-    def swapped(self, current: Fit, out: Candidate, into: Candidate) -> Fit | None:
-        """Full fit with one effect in another's place; None where that one is in the plant already."""
-        use = into.uses[0]
-        prefixes = {current.plant.prefix(other) for other in current.plant.effects}
-        if current.plant.prefix(use) in prefixes:
-            return None
-        self.progress(f"trying {into.label} for {out.label}")
-        return self.fit(without(current.plant, out).with_effect(use), current)
+    def swapped(self, current: Fit, one: Chosen) -> list[tuple[Candidate, Fit]]:
+        """Full fits with each rival in an effect's place, best first; rivals already in the plant are left out."""
+        prefixes = {current.plant.prefix(use) for use in current.plant.effects}
+        rivals = [c for c in one.rivals if current.plant.prefix(c.uses[0]) not in prefixes]
+        if rivals:
+            self.progress(f"trying {', '.join(c.label for c in rivals)} for {one.candidate.label}")
+        plants = [without(current.plant, one.candidate).with_effect(c.uses[0]) for c in rivals]
+        return sorted(zip(rivals, self.fit_all(plants, current), strict=True), key=lambda pair: pair[1].chi2)
 
-    def contest(self, final: Fit, one: Chosen, chosen: Sequence[Chosen]) -> Chosen:
+    def contest(self, final: Fit, one: Chosen) -> Chosen:
         """Weights of one effect and its rivals, with all other effects in place."""
-        held = {one.candidate: self.held_out(final, "the extended plant")}
-        absent = self.fit(without(final.plant, one.candidate), final)
-        for rival in one.rivals:
-            fit = self.swapped(final, one.candidate, rival)
-            if fit is not None and fit.chi2 <= CLOSE * final.chi2:
-                held[rival] = self.held_out(fit, f"{rival.label} for {one.candidate.label}")
+        absent = self.fit_all([without(final.plant, one.candidate)], final)[0]
+        close = [(c, fit) for c, fit in self.swapped(final, one) if fit.chi2 <= CLOSE * final.chi2][:RIVALS]
+        names = [one.candidate, *(candidate for candidate, _ in close)]
+        held = self.held_out([final, *(fit for _, fit in close)], f"{one.candidate.label} and its rivals")
         share = self.share(final)
-        scores = np.vstack([residuals.scores(share) for residuals in held.values()])
-        weights = sorted(zip(held, map(float, model_weights(scores)), strict=True), key=lambda item: -item[1])
-        lacking = self.held_out(absent, f"the plant without {one.candidate.label}").scores(share)
-        better = probability_better(scores[0], lacking)
-        return replace(one, weights=tuple(weights), probability_better=better, chi2_without=absent.chi2)
+        scores = np.vstack([residuals.scores(share) for residuals in held])
+        weights = zip(names, map(float, model_weights(scores, [c.parameters for c in names])), strict=True)
+        # The plant without the effect is scored on the very data it was fitted to, which can only flatter it.
+        context = self.workers.context
+        lacking = in_sample(absent, context.segments).scores(share)
+        return replace(
+            one,
+            weights=tuple(sorted(weights, key=lambda item: -item[1])),
+            probability_better=probability_better(scores[0], lacking),
+            chi2_without=absent.chi2,
+        )
 
 
 def without(plant: Plant, candidate: Candidate) -> Plant:

@@ -27,6 +27,7 @@ from ground.diagnose.segments import (
     split_last_part,
 )
 from ground.diagnose.verify import Verified, verify, windowed_rms
+from ground.diagnose.workers import Workers
 from ground.recordings.model import Recording
 from sim_hal.plant.simulate import Plant, compile_plant
 
@@ -100,7 +101,11 @@ def prepare(recordings: Sequence[Recording], plant: Plant) -> Data:
 
 
 def diagnose(
-    recordings: Sequence[Recording], plant: Plant, progress: Progress, reference: Plant | None = None
+    recordings: Sequence[Recording],
+    plant: Plant,
+    progress: Progress,
+    reference: Plant | None = None,
+    processes: int = 1,
 ) -> Outcome:
     """Compare the plant's simulation with the recordings and say what it lacks.
 
@@ -113,7 +118,8 @@ def diagnose(
     scales = find_scales(refit, data.windows)
     progress("locating what is missing")
     forces = locate(refit, data.whole[0], data.sigmas, scales)
-    named = Search(data.windows, data.sigmas, scales, progress).run(refit)
+    with Workers(data.windows, data.sigmas, scales, processes) as workers:
+        named = Search(workers, progress).run(refit)
     progress("verifying on what was held out")
     refitted = plant.with_values(refit.values)
     extended = settled_plant(named.fit, plant)

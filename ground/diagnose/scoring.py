@@ -17,6 +17,8 @@ from scipy import stats
 Float = NDArray[np.float64]
 
 BOOTSTRAP_DRAWS = 4000
+OCCAM = 10.0
+"""Prior odds against each further free parameter (one step of Jeffreys' scale: strong)."""
 
 
 def lag_one_correlation(residuals: Float) -> float:
@@ -58,14 +60,18 @@ def learned_scale(residuals: Float) -> Float:
     return np.asarray(np.sqrt(np.maximum(1.0, power)))
 
 
-def model_weights(scores: Float, seed: int = 0) -> Float:
-    """Probability of each model, (models,), from its block scores (models, blocks) by pseudo-BMA+."""
+def model_weights(scores: Float, parameters: Sequence[int], seed: int = 0) -> Float:
+    """Probability of each model, (models,), from its block scores (models, blocks) by pseudo-BMA+.
+
+    `parameters` (models,) counts the free parameters of each: a rival that holds another as a limiting case predicts
+    just as well, so the prior odds fall by `OCCAM` for each further parameter.
+    """
     generator = np.random.Generator(np.random.PCG64(seed))
     models, count = scores.shape
     if models == 1:
         return np.ones(1)
     shares = generator.dirichlet(np.ones(count), BOOTSTRAP_DRAWS)
-    totals = count * shares @ scores.T
+    totals = count * shares @ scores.T - np.log(OCCAM) * np.asarray(parameters)
     totals -= totals.max(axis=1, keepdims=True)
     weights = np.exp(totals)
     weights /= weights.sum(axis=1, keepdims=True)

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from ground.recordings.model import Recording
 from ground.recordings.plant_run import to_run
+from sim_hal.plant.expressions import Name
 from sim_hal.plant.simulate import CompiledPlant, Plant, Run
+from sim_hal.plant.structure import FIT
 
 Float = NDArray[np.float64]
 
@@ -33,12 +35,15 @@ class Segment:
     """One stretch of one recording, ready to simulate.
 
     `observed` is (samples, outputs) in the order of the plant's outputs, NaN where nothing was measured.
+    `open_scales` are the initial states that must be fitted (those a plant file leaves open, and those that it reads
+    from noisy first samples), with the change of each that moves the outputs by 1 % of their range.
     """
 
     run_name: str
     run: Run
     observed: Float
     recording: Recording
+    open_scales: Mapping[str, float]
 
     @property
     def samples(self) -> int:
@@ -61,7 +66,36 @@ def segment_of(recording: Recording, plant: Plant, compiled: CompiledPlant) -> S
     """A whole recording as one segment."""
     missing = np.full(recording.times_s.size, math.nan)
     columns = [recording.channels.get(name, missing) for name in compiled.output_names]
-    return Segment(recording.run, to_run(recording, plant), np.column_stack(columns), recording)
+    run, observed = to_run(recording, plant), np.column_stack(columns)
+    return Segment(recording.run, run, observed, recording, open_scales(compiled, run, observed))
+
+
+def open_scales(compiled: CompiledPlant, run: Run, observed: Float) -> dict[str, float]:
+    """Open initial states with their scales, from the first samples."""
+    head = head_of_run(run)
+    start = compiled.initial_values(compiled.values, head)
+    count = head.times_s.size
+    with np.errstate(invalid="ignore"):
+        spread = np.array([np.ptp(c[np.isfinite(c)]) if np.isfinite(c).any() else 0.0 for c in observed.T])
+    scales = {}
+    for name, state in compiled.plant.structure.states.items():
+        if state.initial != FIT and not (
+            isinstance(state.initial, Name) and state.initial.id.startswith("first(")
+        ):
+            continue
+        there = compiled.run(compiled.values, head, {**start, name: start[name] + 1.0})
+        here = compiled.run(compiled.values, head, start)
+        moved = (there - here)[:count] / np.where(spread > 0.0, spread, 1.0)
+        strength = float(np.sqrt(np.mean(moved**2)))
+        scales[name] = 1e-2 / strength if strength > 0.0 else 1.0
+    return scales
+
+
+def head_of_run(run: Run, share: float = 0.03, least: int = 30) -> Run:
+    """The first samples of a run: what an open initial state may be read from."""
+    count = min(run.times_s.size, max(least, int(share * run.times_s.size)))
+    inputs = {name: values[:count] for name, values in run.inputs.items()}
+    return replace(run, times_s=run.times_s[:count], inputs=inputs)
 
 
 def segments_to_fit(

@@ -116,8 +116,6 @@ def _update(space: StateSpace, k: int, x: Float, p: Float) -> tuple[Float, Float
 
 
 def _linearised(function: Callable[[Float], Float], x: Float, step: Float) -> tuple[Float, Float]:
-    """Value (m,) at x and derivative (m, n), by central differences of the perturbation's size."""
-    points = np.vstack([x, x + np.diag(step), x - np.diag(step)])
-    values = function(points)
-    size = x.size
-    return values[0], (values[1 : size + 1] - values[size + 1 :]).T / (2.0 * step)
+    """Value (m,) at x and derivative (m, n), by one-sided differences of the perturbation's size."""
+    values = function(np.vstack([x, x + np.diag(step)]))
+    return values[0], (values[1:] - values[0]).T / step

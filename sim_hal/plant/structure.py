@@ -143,7 +143,11 @@ class Structure:
 
 
 #: Text of a force's unit, by dimension of the rate it enters divided by `per_force`.
-_FORCE_UNITS = {dimension(unit): unit for unit in ("N", "N*m", "V", "A", "Pa", "W", "1", "K", "m", "m/s")}
+_USUAL_UNITS = (
+    *("N", "N*m", "V", "A", "Pa", "W", "1", "K", "m", "m/s"),
+    *("N*s/m", "N*s^2/m^2", "N/m", "N*m*s", "N*m*s^2", "ohm", "V*s", "H"),
+)
+_FORCE_UNITS = {dimension(unit): unit for unit in _USUAL_UNITS}
 
 
 def unit_text(dim: Dimension) -> str:

@@ -48,13 +48,14 @@ def test_a_clearly_better_model_takes_the_weight() -> None:
     worse = [block + 0.8 for block in blocks]
     one, share = np.ones(1), np.ones(1)
     scores = np.vstack([scoring.block_scores(b, one, share) for b in (blocks, worse)])
-    assert scoring.model_weights(scores)[0] > 0.99
+    assert scoring.model_weights(scores, [1, 1])[0] > 0.99
     assert scoring.probability_better(scores[0], scores[1]) > 0.99
 
 
 def test_equal_models_share_the_weight() -> None:
     scores = np.vstack([np.linspace(-3.0, 3.0, 12)] * 2)
-    assert scoring.model_weights(scores) == pytest.approx([0.5, 0.5])
+    assert scoring.model_weights(scores, [2, 2]) == pytest.approx([0.5, 0.5])
+    assert scoring.model_weights(scores, [1, 2]) == pytest.approx([10 / 11, 1 / 11])
     assert scoring.probability_better(scores[0], scores[1]) == 0.0
 
 

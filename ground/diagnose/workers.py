@@ -1,0 +1,90 @@
+"""Fits spread over processes: the same answers in the same order, whatever the number of workers."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ground.diagnose.candidates import Scales, ranges_of
+from ground.diagnose.crossval import HeldOut, cross_validate
+from ground.diagnose.fit import Fit, fit_plant
+from ground.diagnose.segments import Segment
+from sim_hal.plant.simulate import Plant
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Context:
+    """What all fits of a search share."""
+
+    segments: tuple[Segment, ...]
+    sigmas: NDArray[np.float64]
+    scales: Scales
+
+
+@dataclass(frozen=True)
+class FitTask:
+    """A plant to fit, and values to start from."""
+
+    plant: Plant
+    known: Mapping[str, float]
+
+
+def fit_job(context: Context, task: FitTask) -> Fit:
+    """Full fit of one plant."""
+    ranges = ranges_of(task.plant, context.scales)
+    return fit_plant(task.plant, context.segments, context.sigmas, ranges, task.known)
+
+
+def validate_job(context: Context, fit: Fit) -> HeldOut:
+    """Cross-validation of one fitted plant."""
+    ranges = ranges_of(fit.plant, context.scales)
+    return cross_validate(fit, context.segments, context.sigmas, ranges)
+
+
+class Workers:
+    """Does jobs on one context, on `count` processes (1: in this one). A context manager."""
+
+    def __init__(
+        self, segments: Sequence[Segment], sigmas: NDArray[np.float64], scales: Scales, count: int
+    ) -> None:
+        self.context = Context(tuple(segments), sigmas, scales)
+        self._pool: ProcessPoolExecutor | None = None
+        if count > 1:
+            # spawn: this process may have threads (a progress line), and a fork would copy their locks
+            spawn = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(count, spawn, _install, (self.context,))
+
+    def map(self, job: Callable[[Context, Task], Result], tasks: Sequence[Task]) -> Iterator[Result]:
+        """Results in the order of the tasks."""
+        if self._pool is None:
+            return (job(self.context, task) for task in tasks)
+        return self._pool.map(partial(_remote, job), tasks)
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+
+_installed: list[Context] = []
+
+
+def _install(context: Context) -> None:
+    _installed[:] = [context]
+
+
+def _remote(job: Callable[[Context, Task], Result], task: Task) -> Result:
+    """A job in a worker process, on the context that was installed there."""
+    return job(_installed[0], task)

@@ -1,0 +1,102 @@
+"""Diagnosis of a rig whose truth is known: what was planted is found, and nothing is found where nothing is."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnose_rig import NOISE_M, friction, plant, recordings
+
+from ground.diagnose.fit import fit_plant
+from ground.diagnose.pipeline import DiagnosisError, Outcome, diagnose, prepare, write_outcome
+from ground.diagnose.segments import cut_recording
+from sim_hal.plant.simulate import load_plant
+
+
+def silent(_: str) -> None:
+    """No progress is shown in tests."""
+
+
+@pytest.fixture(scope="module")
+def planted(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    given = plant(tmp_path_factory.mktemp("rig"))
+    return diagnose(recordings(given.with_effect(friction(1.0)), seed=11), given, silent)
+
+
+def test_planted_friction_is_named_first(planted: Outcome) -> None:
+    found = planted.diagnosis
+    assert found.verdict == "mismatch"
+    assert found.findings[0].physics_id == "coulomb_friction"
+    assert found.findings[0].equation == "force_balance"
+    assert found.findings[0].probability > 0.5
+
+
+def test_planted_friction_has_its_size_within_its_sigma(planted: Outcome) -> None:
+    level = planted.diagnosis.findings[0].parameters["F_c"]
+    assert level.unit == "N"
+    assert abs(level.value - 1.0) < 4.0 * level.std
+    assert level.std < 0.2
+
+
+def test_the_extended_plant_predicts_what_was_held_out_down_to_the_noise(planted: Outcome) -> None:
+    fit = planted.diagnosis.fit["position_m"]
+    assert fit.extended_rms < 1.3 * NOISE_M
+    assert fit.refit_rms > 3.0 * fit.extended_rms
+
+
+def test_the_missing_force_follows_speed(planted: Outcome) -> None:
+    force = planted.evidence.forces[0]
+    assert force.equation == "force_balance"
+    assert max(force.explained, key=lambda cause: force.explained[cause]) == "velocity"
+    assert force.log_likelihood_gain > 100.0
+
+
+def test_nothing_is_found_where_nothing_is_missing(tmp_path: Path) -> None:
+    given = plant(tmp_path)
+    found = diagnose(recordings(given, seed=12), given, silent).diagnosis
+    assert found.verdict == "consistent"
+    assert found.findings == ()
+    fit = found.fit["position_m"]
+    assert fit.extended_rms == pytest.approx(fit.refit_rms)
+
+
+def test_an_effect_that_the_plant_has_already_is_no_finding(tmp_path: Path) -> None:
+    given = plant(tmp_path).with_effect(friction(1.0))
+    found = diagnose(recordings(given, seed=13), given, silent).diagnosis
+    assert "coulomb_friction" not in {finding.physics_id for finding in found.findings}
+
+
+def test_results_are_written_and_the_plant_reads_back(planted: Outcome, tmp_path: Path) -> None:
+    write_outcome(planted, tmp_path / "out")
+    content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert content["format"] == 1
+    assert content["recordings"] == {"fitted": ["run_0", "run_1"], "held_out": ["run_2"]}
+    again = load_plant(tmp_path / "out" / "plant.yaml")
+    assert [use.physics_id for use in again.effects] == [use.physics_id for use in planted.plant.effects]
+    assert again.flat()["coulomb_friction.F_c"] == planted.plant.flat()["coulomb_friction.F_c"]
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "coulomb friction" in page
+
+
+def test_refit_sigmas_cover_the_truth(tmp_path: Path) -> None:
+    """Parameters drawn within their tolerances: the fit's z-scores are those of a unit normal, by and large."""
+    given = plant(tmp_path)
+    scores = []
+    for seed in range(12):
+        drawn = np.random.default_rng(seed)
+        truth = {n: drawn.normal(p.value, p.std) for n, p in given.parameters.items()}
+        data = prepare(recordings(given, seed=seed, count=2, samples=300), given)
+        fit = fit_plant(given, data.windows, data.sigmas, {})
+        scores += [(fit.values[name] - truth[name]) / fit.std[name] for name in truth]
+    inside = np.mean(np.abs(scores) < 1.96)
+    assert 0.85 <= inside <= 1.0
+    assert 0.5 < np.std(scores) < 1.4
+
+
+def test_too_short_a_recording_is_refused_in_words(tmp_path: Path) -> None:
+    given = plant(tmp_path)
+    short = cut_recording(recordings(given, seed=1, count=1)[0], 0, 20)
+    with pytest.raises(DiagnosisError, match="20 samples; a diagnosis needs at least 50"):
+        diagnose([short], given, silent)
