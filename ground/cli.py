@@ -19,7 +19,14 @@ from ground.diagnose.segments import channel_sigmas, segment_of, sigma_vector
 from ground.diagnose.verify import predict
 from ground.importing import import_recording
 from ground.mission_run import plan_mission, run_mission
-from ground.mission_summary import MissionRun, figures, mission_content, verdict_sentence, words
+from ground.mission_summary import (
+    HOP_LINE_HEADERS,
+    MissionRun,
+    hop_lines,
+    mission_content,
+    verdict_sentence,
+    words,
+)
 from ground.recordings.loading import load_recording, load_recordings, save_recording
 from ground.recordings.model import Recording
 from ground.replay import replay_log
@@ -70,6 +77,7 @@ def run(
         settings = flight_settings.load(config_path("flight.yaml"))
         plan = plan_mission(surface, hops, energy_j, settings, references=references)
         with console.steps(total=float(len(plan.hops))) as show:
+            show(f"opening the board {board!r} (a simulation compiles itself at its first use)")
             watch = mission_watcher(show, energy_j, len(plan.hops))
             flown = run_mission(plan, out, board=board, seed=seed, watch=watch)
     if as_json:
@@ -122,9 +130,7 @@ def simulate(
         (recording,) = read_recordings([like], mapping)
         predicted = simulate_like(load_plant(configured("plant", plant)), recording)
         save_recording(predicted, out)
-    console.out.print(
-        f"{out}: {', '.join(predicted.channels)} at {predicted.times_s.size} samples", highlight=False
-    )
+    console.say(f"{out}: {', '.join(predicted.channels)} at {predicted.times_s.size} samples")
 
 
 def simulate_like(plant: Plant, recording: Recording) -> Recording:
@@ -149,9 +155,7 @@ def import_command(
     with console.clear_errors():
         recording = import_recording(file, configured("imports", mapping))
         save_recording(recording, out)
-    console.out.print(
-        f"{out}: {', '.join(recording.channels)}, {recording.times_s.size} samples", highlight=False
-    )
+    console.say(f"{out}: {', '.join(recording.channels)}, {recording.times_s.size} samples")
 
 
 @app.command()
@@ -162,7 +166,7 @@ def convert(
     """Copy a recording from one container to another, without loss."""
     with console.clear_errors():
         save_recording(load_recording(recording), out)
-    console.out.print(f"{out}: written", highlight=False)
+    console.say(f"{out}: written")
 
 
 @app.command()
@@ -173,14 +177,13 @@ def replay(
     """Feed a log back through the flight code and compare every command and decision, bit for bit."""
     with console.clear_errors():
         result = replay_log(log, recover)
-    console.out.print(
-        f"compared: {result.compared} messages, of them {result.commands} commands, {result.decisions} decisions",
-        highlight=False,
+    console.say(
+        f"compared: {result.compared} messages, of them {result.commands} commands, {result.decisions} decisions"
     )
     if result.first_difference is not None:
         console.err.print(f"first difference: {result.first_difference}", markup=False, highlight=False)
         raise typer.Exit(1)
-    console.out.print("the replay is the same, bit for bit")
+    console.say("the replay is the same, bit for bit")
 
 
 @plant_app.command()
@@ -214,36 +217,22 @@ def mission_watcher(show: Callable[..., None], energy_j: float, hops: int) -> Ca
 
 
 def show_mission(flown: MissionRun) -> None:
-    """The table per hop, in simulation with the truth beneath each estimate."""
-    names = ("E_used", "time of flight", "E_pot", "height", "C3")
-    rows: list[tuple[str, ...]] = []
-    for outcome in flown.hops:
-        found = {figure.name: figure for figure in figures(outcome)}
-        report = outcome.report
-        ground = words(report.plan.surface or "unknown") + (" (reference)" if report.plan.reference else "")
-        estimates = [found[name].text if name in found else "–" for name in names]
-        rows.append((str(report.hop_index + 1), ground, *estimates, report.verdict))
-        if outcome.truth is not None:
-            truths = [f"{found[n].truth:.4g} {found[n].unit}" if n in found else "–" for n in names]
-            rows.append(("", "truth", *truths, ""))
-    headers = ("hop", "ground", *names, "verdict")
-    console.table("Hops, estimate ± 1σ", headers, rows, dim_every=2 if flown.simulated else 0)
-    console.out.print(verdict_sentence(flown), markup=False, highlight=False)
-    for note in flown.notes:
-        console.out.print(note, markup=False, highlight=False)
-    console.out.print(f"page: {flown.folder / 'report.html'}", markup=False, highlight=False)
+    """The table of hops, what came of the mission in words, and where its page is."""
+    console.hop_table(HOP_LINE_HEADERS, [hop_lines(outcome) for outcome in flown.hops])
+    for text in (verdict_sentence(flown), *flown.notes, f"page: {flown.folder / 'report.html'}"):
+        console.say(text)
 
 
 def show_diagnosis(outcome: Outcome, folder: Path) -> None:
     """Verdict, findings, and the fit before and after."""
     found = outcome.diagnosis
     console.out.print(f"[bold]{found.verdict}[/]: ", end="")
-    console.out.print(diagnosis_sentence(found), markup=False, highlight=False)
+    console.say(diagnosis_sentence(found))
     rows = []
     for number, finding in enumerate(found.findings, start=1):
         rivals = ", ".join(f"{a.physics_id} {a.probability:.2f}" for a in finding.alternatives[:2]) or "–"
         rows.append((str(number), finding.physics_id, f"{finding.probability:.2f}", rivals))
-        console.out.print(f"{number}. {finding.statement}", markup=False, highlight=False)
+        console.say(f"{number}. {finding.statement}")
     if rows:
         console.table("Findings", ("", "physics", "probability", "rivals"), rows)
     fits = [
@@ -265,5 +254,5 @@ def show_diagnosis(outcome: Outcome, folder: Path) -> None:
         headers = ("quantity", "unit", "found", "± 1σ", "published", "± 1σ", "apart")
         console.table(f"Beside {reference['source']}", headers, reference["rows"])
     for note in found.notes:
-        console.out.print(f"note: {note}", markup=False, highlight=False)
-    console.out.print(f"page: {folder / 'report.html'}", markup=False, highlight=False)
+        console.say(f"note: {note}")
+    console.say(f"page: {folder / 'report.html'}")

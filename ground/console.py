@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import typer
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -31,12 +32,19 @@ def clear_errors() -> Iterator[None]:
     try:
         yield
     except USER_ERRORS as error:
-        err.print(f"[bold red]error:[/] {type(error).__name__}", highlight=False)
-        err.print(str(error), markup=False, highlight=False, soft_wrap=True)
+        err.print("[bold red]error:[/] ", end="")
+        err.print(error_text(error), markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(2) from error
     except KeyboardInterrupt:
         err.print("stopped; nothing was written")
         raise typer.Exit(130) from None
+
+
+def error_text(error: BaseException) -> str:
+    """What went wrong, in words; the system's own errors name their file first, like all others."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
 
 
 @contextmanager
@@ -45,7 +53,7 @@ def steps(total: float | None = None) -> Iterator[Callable[..., None]]:
     columns = [SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()]
     if total is not None:
         columns.insert(2, BarColumn())
-    with Progress(*columns, console=err, transient=True) as progress:
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
         task = progress.add_task("starting", total=total)
 
         def show(text: str, done: float | None = None) -> None:
@@ -56,14 +64,30 @@ def steps(total: float | None = None) -> Iterator[Callable[..., None]]:
         yield show
 
 
-def table(title: str, headers: Sequence[str], rows: Sequence[Sequence[str]], dim_every: int = 0) -> None:
-    """Print a table; with `dim_every` n, each n-th row steps back (what the row above is compared with)."""
+def say(text: str) -> None:
+    """Print a sentence as it is: wrapped between words on a terminal, whole lines elsewhere."""
+    out.print(text, markup=False, highlight=False, soft_wrap=not out.is_terminal)
+
+
+def table(title: str, headers: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table: the first two columns are text, the others figures."""
     drawn = Table(title=title, title_justify="left", header_style="bold")
     for number, header in enumerate(headers):
         drawn.add_column(header, justify="left" if number < 2 else "right")
-    for number, row in enumerate(rows, start=1):
-        dim = dim_every and number % dim_every == 0
-        drawn.add_row(*row, style="dim" if dim else None, end_section=bool(dim))
+    for row in rows:
+        drawn.add_row(*row)
+    out.print(drawn)
+
+
+def hop_table(headers: Sequence[str], hops: Sequence[Sequence[Sequence[str]]]) -> None:
+    """Print hops of several lines each; the lines below the first step back. Fits a terminal of 80 columns."""
+    drawn = Table(box=box.SIMPLE_HEAD, header_style="bold", padding=(0, 1, 0, 0), show_edge=False)
+    last = len(headers) - 1
+    for number, header in enumerate(headers):
+        drawn.add_column(header, justify="right" if 2 <= number < last else "left", no_wrap=True)
+    for lines in hops:
+        for number, line in enumerate(lines, start=1):
+            drawn.add_row(*line, style="dim" if number > 1 else None, end_section=number == len(lines))
     out.print(drawn)
 
 

@@ -68,6 +68,13 @@ class Figure:
         """Value ± sigma with the unit."""
         return f"{plus_minus(self.value, self.sigma)} {self.unit}"
 
+    @property
+    def lines(self) -> tuple[str, str, str]:
+        """Value, sigma and truth without unit, the truth with the digits of its estimate; "–" where unknown."""
+        value, _, sigma = plus_minus(self.value, self.sigma).partition(" ± ")
+        decimals = len(value.partition(".")[2])
+        return value, sigma or "–", "–" if self.truth is None else f"{self.truth:.{decimals}f}"
+
 
 def figures(outcome: HopOutcome) -> Iterator[Figure]:
     """The quantities that could be estimated of one hop."""
@@ -131,6 +138,20 @@ def hop_rows(run: MissionRun) -> list[tuple[str, ...]]:
             )
         )
     return rows
+
+
+HOP_LINE_HEADERS = ("hop", "ground", "E_used\nJ", "flight\nms", "E_pot\nJ", "height\nmm", "C3\n%", "verdict")
+
+
+def hop_lines(outcome: HopOutcome) -> list[tuple[str, ...]]:
+    """One hop under `HOP_LINE_HEADERS`: its estimates, beneath each its 1σ and, where known, the truth."""
+    found = {figure.name: figure.lines for figure in figures(outcome)}
+    names = ("E_used", "time of flight", "E_pot", "height", "C3")
+    values, sigmas, truths = zip(*(found.get(name, ("–", "", "")) for name in names), strict=True)
+    report = outcome.report
+    ground = words(report.plan.surface or "unknown") + " (ref.)" * report.plan.reference
+    lines = [(str(report.hop_index + 1), ground, *values, report.verdict), ("", "± 1σ", *sigmas, "")]
+    return lines if outcome.truth is None else [*lines, ("", "truth", *truths, "")]
 
 
 def comparisons(run: MissionRun) -> list[Figure]:

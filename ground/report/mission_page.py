@@ -12,7 +12,6 @@ from ground.mission_summary import (
     comparisons,
     hop_rows,
     last_on_each_place,
-    plus_minus,
     verdict_sentence,
     words,
 )
@@ -75,10 +74,8 @@ def _add_comparisons(page: Page, run: MissionRun) -> None:
 def _comparison_cell(item: Figure | None) -> Cell:
     if item is None or item.truth is None or item.error_sigmas is None:
         return Cell("–", "muted")
-    # the truth with the digits of its estimate
-    digits = len(plus_minus(item.value, item.sigma).partition(" ")[0].partition(".")[2])
     error = f"{item.error_sigmas:+.2f}".replace("-0.00", "+0.00").replace("-", "−")
-    text = f"{item.truth:.{digits}f} {item.unit} ({error} σ)"
+    text = f"{item.lines[2]} {item.unit} ({error} σ)"
     return Cell(text, "bad" if abs(item.error_sigmas) > NINETY_FIVE else "plain")
 
 
