@@ -2,21 +2,28 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-STAMP := $(VENV)/.installed
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# What is installed: the tools for people, and on top of them those for developers.
+GROUND := $(VENV)/.ground
+DEV := $(VENV)/.dev
 
 .PHONY: demo test lint setup clean
 
-$(STAMP): pyproject.toml
+$(GROUND): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[ground,dev]"
-	touch $(STAMP)
+	$(PIP) --editable ".[ground]"
+	touch $@
 
-setup: $(STAMP)
+$(DEV): $(GROUND)
+	$(PIP) --editable ".[ground,dev]"
+	touch $@
 
-demo: $(STAMP)
+setup: $(DEV)
+
+demo: $(GROUND)
 	$(BIN)/hopper run --surface quartz_sand --hops 3 --energy-j 18 --out out/demo
 
-lint: $(STAMP)
+lint: $(DEV)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
