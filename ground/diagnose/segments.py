@@ -53,7 +53,9 @@ class Segment:
 def split_last_part(recording: Recording, share: float) -> tuple[Recording, Recording]:
     """Cut one recording in two: what is fitted, and the last `share` of its samples, which is held out."""
     cut = round(recording.times_s.size * (1.0 - share))
-    return cut_recording(recording, 0, cut), cut_recording(recording, cut, recording.times_s.size)
+    at = f"{recording.times_s[cut]:.2f} s"
+    first, last = cut_recording(recording, 0, cut), cut_recording(recording, cut, recording.times_s.size)
+    return replace(first, run=f"{recording.run} until {at}"), replace(last, run=f"{recording.run} from {at}")
 
 
 def cut_recording(recording: Recording, start: int, stop: int) -> Recording:

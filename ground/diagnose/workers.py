@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -60,6 +61,9 @@ class Workers:
         self.context = Context(tuple(segments), sigmas, scales)
         self._pool: ProcessPoolExecutor | None = None
         if count > 1:
+            # One thread of linear algebra in each process: more would only wait for each other's cores.
+            for library in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+                os.environ.setdefault(library, "1")
             # spawn: this process may have threads (a progress line), and a fork would copy their locks
             spawn = multiprocessing.get_context("spawn")
             self._pool = ProcessPoolExecutor(count, spawn, _install, (self.context,))

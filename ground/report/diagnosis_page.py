@@ -111,6 +111,19 @@ def add_fit(page: Page, diagnosis: Diagnosis) -> None:
         ],
         rows,
     )
+    windows = diagnosis.details.get("windowed_rms")
+    if windows:
+        page.table(
+            ["channel, anchored anew in each window", "nominal rms", "refit rms", "extended rms", "unit"],
+            [
+                [
+                    name,
+                    *(f"{errors[key]:.4g}" for key in ("nominal", "refit", "extended")),
+                    diagnosis.fit[name].unit,
+                ]
+                for name, errors in windows.items()
+            ],
+        )
 
 
 def thin(values: Float) -> Float:
