@@ -28,7 +28,7 @@ from ground.mission_summary import (
     words,
 )
 from ground.recordings.loading import load_recording, load_recordings, save_recording
-from ground.recordings.model import Recording
+from ground.recordings.model import Recording, RecordingError
 from ground.replay import replay_log
 from ground.report.diagnosis_page import verdict_sentence as diagnosis_sentence
 from hal.config import config_path, config_root
@@ -127,8 +127,10 @@ def simulate(
     A start that the plant leaves to be fitted is read from the recording's first samples.
     """
     with console.clear_errors():
-        (recording,) = read_recordings([like], mapping)
-        predicted = simulate_like(load_plant(configured("plant", plant)), recording)
+        recordings = read_recordings([like], mapping)
+        if len(recordings) != 1:
+            raise RecordingError(f"{like}: holds {len(recordings)} recordings; name the one to simulate")
+        predicted = simulate_like(load_plant(configured("plant", plant)), recordings[0])
         save_recording(predicted, out)
     console.say(f"{out}: {', '.join(predicted.channels)} at {predicted.times_s.size} samples")
 
