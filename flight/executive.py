@@ -15,6 +15,7 @@ from flight.record import HopRecorder
 from flight.sensing import Senses
 from flight.settings import FlightSettings
 from flight.states import Event, Machine, Outputs, Phase
+from flight.surface_belief import SurfaceSettings, load_surfaces
 from flight.tensioning import energy_used_j
 from hal.board import Board
 from hal.log import LogSink
@@ -39,13 +40,18 @@ def fly(
     mission: MissionPlan,
     log: LogSink,
     watch: Watcher | None = None,
+    *,
+    surfaces: SurfaceSettings | None = None,
 ) -> MissionResult:
     """Fly the mission from power-up to SAFE and return what came of it.
 
+    `surfaces` are the known surfaces, those of `config/surfaces.yaml` unless given (raises `ConfigError` when
+    that file is refused).
     Whatever happens, motor and magnet are off when this returns or raises. An unexpected exception, of a
     device or of the software, ends the mission in SAFE with the reason `exception:TYPE`, and is logged.
     """
-    executive = _Executive(board, settings, MissionPilot(mission, settings), log)
+    pilot = MissionPilot(mission, settings, surfaces or load_surfaces())
+    executive = _Executive(board, settings, pilot, log)
     try:
         while executive.machine.phase is not Phase.SAFE:
             executive.tick()

@@ -16,7 +16,6 @@ from flight.states import Machine, Phase
 from flight.surface_belief import (
     SurfaceBelief,
     SurfaceSettings,
-    load_surfaces,
     prior_belief,
     updated_belief,
 )
@@ -163,7 +162,7 @@ class MissionPilot:
 
     plan: MissionPlan
     settings: FlightSettings
-    surfaces: SurfaceSettings = field(default_factory=load_surfaces)
+    surfaces: SurfaceSettings
     reports: list[HopReport] = field(default_factory=list)
     _beliefs: dict[str, SurfaceBelief] = field(default_factory=dict)
     _asked: tuple[str, float] | None = None

@@ -52,6 +52,12 @@ def load_surfaces(path: Path | None = None) -> SurfaceSettings:
     """Read and check `config/surfaces.yaml`. Raises `ConfigError` naming file, key, value and limit."""
     where = path or config_path("surfaces.yaml")
     settings = load_settings(where, SurfaceSettings)
+    check_surfaces(settings, str(where))
+    return settings
+
+
+def check_surfaces(settings: SurfaceSettings, where: str) -> None:
+    """Raises `ConfigError` naming `where`, key, value and limit if the settings contradict themselves."""
     for index, surface in enumerate(settings.surfaces):
         if not surface.c3_low <= surface.c3_mean <= surface.c3_high or surface.c3_std == 0.0:
             raise ConfigError(
@@ -60,7 +66,6 @@ def load_surfaces(path: Path | None = None) -> SurfaceSettings:
             )
     if settings.unknown_c3_low >= settings.unknown_c3_high:
         raise ConfigError(f"{where}: unknown_c3_low must be below unknown_c3_high")
-    return settings
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from flight.executive import fly
 from flight.log import FlightLog, read_log
 from flight.mission import MissionPlan
 from flight.settings import FlightSettings
-from flight.surface_belief import SurfaceSettings, load_surfaces
+from flight.surface_belief import SurfaceSettings, check_surfaces
 from hal.calls import board_calls
 from hal.log import LogError
 from hal.replay import ReplayBoard, ReplayEnded, ReplayMismatch, ReplayTape
@@ -59,14 +59,14 @@ def replay_log(path: Path, recover: bool = False) -> ReplayResult:
     """Fly the mission of a log again and compare all commands and decisions.
 
     `recover` takes the whole part of a log that was cut. Raises `LogError` when the log cannot be read, lacks
-    what a replay needs, was flown with other known surfaces, or gave nothing to compare.
+    what a replay needs, or gave nothing to compare; `ConfigError` when settings in it are refused.
     """
     log = read_log(path, recover)
     settings = log.part("settings", FlightSettings)
     mission = log.part("mission", MissionPlan)
-    if log.part("surfaces", SurfaceSettings) != load_surfaces():
-        raise LogError(f"{path}: was flown with other known surfaces than config/surfaces.yaml has now")
-    return replay_messages(log, lambda board, tape: fly(board, settings, mission, tape))
+    surfaces = log.part("surfaces", SurfaceSettings)
+    check_surfaces(surfaces, f"{path}: metadata surfaces")
+    return replay_messages(log, lambda board, tape: fly(board, settings, mission, tape, surfaces=surfaces))
 
 
 def replay_messages(log: FlightLog, flight: Flight) -> ReplayResult:

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from flown_mission import fly_short_mission
 
 from flight.log import FlightLog, McapLog, read_log
 from ground.replay import replay_log, replay_messages
+from hal.config import config_path
 from hal.errors import ConfigError
 from hal.log import LogError, LogMessage
 from sim_hal.truth import HopTruth
@@ -94,6 +96,28 @@ def test_other_settings_are_found_out(log: FlightLog, tmp_path: Path) -> None:
     assert difference.expected.startswith("motor")
 
 
+def other_surfaces() -> str:
+    """The shipped surfaces, but for the probability of none of them."""
+    shipped = config_path("surfaces.yaml").read_text(encoding="utf-8")
+    other = shipped.replace("unknown_probability: 0.", "unknown_probability: 0.0", 1)
+    assert other != shipped
+    return other
+
+
+def test_a_log_flown_with_other_surfaces_replays_with_its_own(tmp_path: Path) -> None:
+    surfaces = tmp_path / "surfaces.yaml"
+    surfaces.write_text(other_surfaces(), encoding="utf-8")
+    fly_short_mission(tmp_path / "flight.mcap", surfaces)
+    assert replay_log(tmp_path / "flight.mcap").same
+
+
+def test_altered_surfaces_are_found_out_at_the_hop_that_they_judge(log: FlightLog, tmp_path: Path) -> None:
+    path = rewritten(log, tmp_path / "ground.mcap", metadata={**log.metadata, "surfaces": other_surfaces()})
+    difference = replay_log(path).first_difference
+    assert difference is not None
+    assert difference.expected.startswith("hop")
+
+
 def test_a_cut_log_replays_to_where_it_ends(flown: Flown, tmp_path: Path) -> None:
     whole = flown[0].read_bytes()
     cut = tmp_path / "cut.mcap"
@@ -125,7 +149,7 @@ def test_nothing_compared_is_an_error(log: FlightLog, tmp_path: Path) -> None:
 
 def test_a_log_without_what_a_replay_needs_is_refused(log: FlightLog, tmp_path: Path) -> None:
     kept = log.metadata
-    surfaces = kept["surfaces"].replace("unknown_probability: 0.", "unknown_probability: 0.0", 1)
+    surfaces = kept["surfaces"].replace("unknown_c3_low: ", "unknown_c3_low: 0.99  # ", 1)
     assert surfaces != kept["surfaces"]
     cases: tuple[tuple[dict[str, str], type[Exception], str], ...] = (
         (
@@ -135,7 +159,11 @@ def test_a_log_without_what_a_replay_needs_is_refused(log: FlightLog, tmp_path: 
         ),
         ({**kept, "settings": "{"}, LogError, "metadata settings is no valid YAML"),
         ({**kept, "settings": "tick: 3"}, ConfigError, r"metadata settings: tick must be a mapping"),
-        ({**kept, "surfaces": surfaces}, LogError, "was flown with other known surfaces"),
+        (
+            {**kept, "surfaces": surfaces},
+            ConfigError,
+            "metadata surfaces: unknown_c3_low must be below unknown_c3_high",
+        ),
     )
     short = replace(log, messages=log.messages[:10])
     for index, (metadata, error, says) in enumerate(cases):
