@@ -8,7 +8,7 @@ All are scaled to order one. Gauss-Newton on simulated sensitivities.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +23,12 @@ Ranges = Mapping[str, tuple[float, float, float]]
 
 PRIOR_REACH = 3.0
 STEP = 1e-3
-"""Finite-difference step in scaled units: far above the integrator's error, far below a sigma."""
+"""One-sided difference step in scaled units: above the integrator's error, below where curvature shows."""
+PRECISE_STEP = 1e-2
+PRECISE_TOLERANCE = 1e-10
+"""For covariances: central differences. Parameters that only occur as ratios (all masses and stiffnesses scaled
+alike move nothing) are known by their tolerances alone, and an error of one part in a thousand in the sensitivities
+would pass for knowledge of them."""
 LEAST_INFORMATION = 1e-12
 """Smallest eigenvalue of a scaled information matrix that counts as known."""
 TOLERANCE = 1e-7
@@ -85,9 +90,10 @@ class FitProblem:
         sigmas: Float,
         ranges: Ranges,
         frozen: Mapping[str, float] | None = None,
+        tolerance: float = TOLERANCE,
     ) -> None:
         self.plant = plant
-        self.compiled = quick(plant, segments)
+        self.compiled = limited(plant, segments, tolerance)
         self.segments = tuple(segments)
         self.sigmas = sigmas
         self._index = {name: i for i, name in enumerate(self.compiled.parameter_names)}
@@ -164,16 +170,31 @@ class FitProblem:
         """Derivative of the residuals by each unknown, (rows, unknowns), by one-sided differences."""
         jacobian = np.zeros((base.size, len(self.free)))
         for column, free in enumerate(self.free):
-            _low, high = free.bounds()
-            step = STEP if z[column] + STEP <= high else -STEP
-            moved = z.copy()
-            moved[column] += step
-            values = self.values(moved)
-            numbers = range(len(self.segments)) if free.segment is None else [free.segment]
-            for number in numbers:
-                rows = slice(self._edges[number], self._edges[number + 1])
-                jacobian[rows, column] = (self.segment_residuals(moved, number, values) - base[rows]) / step
+            step = STEP if z[column] + STEP <= free.bounds()[1] else -STEP
+            for rows, moved in self._moved(z, column, step):
+                jacobian[rows, column] = (moved - base[rows]) / step
         return jacobian
+
+    def precise_sensitivities(self, z: Float) -> Float:
+        """The same by central differences of a wider step; for problems made with `PRECISE_TOLERANCE`."""
+        jacobian = np.zeros((int(self._edges[-1]), len(self.free)))
+        for column in range(len(self.free)):
+            pairs = zip(
+                self._moved(z, column, PRECISE_STEP), self._moved(z, column, -PRECISE_STEP), strict=True
+            )
+            for (rows, up), (_, down) in pairs:
+                jacobian[rows, column] = (up - down) / (2.0 * PRECISE_STEP)
+        return jacobian
+
+    def _moved(self, z: Float, column: int, step: float) -> Iterator[tuple[slice, Float]]:
+        """Residuals, by segment, with one unknown moved; only segments that it acts on."""
+        moved = z.copy()
+        moved[column] += step
+        values = self.values(moved)
+        own = self.free[column].segment
+        for number in range(len(self.segments)) if own is None else [own]:
+            rows = slice(int(self._edges[number]), int(self._edges[number + 1]))
+            yield rows, self.segment_residuals(moved, number, values)
 
     def start(self, known: Mapping[str, float]) -> Float:
         """Scaled start: the values of an earlier fit where it had them, else the centres."""
@@ -202,13 +223,13 @@ class FitProblem:
         return minimise(self.residuals, self.sensitivities, z, -none, none, tolerance=1e-8, iterations=15)[0]
 
 
-def quick(plant: Plant, segments: Sequence[Segment]) -> CompiledPlant:
-    """The plant ready for a fit: a tolerance that suits differences, and a limit on stiff guesses.
+def limited(plant: Plant, segments: Sequence[Segment], tolerance: float) -> CompiledPlant:
+    """The plant ready for a fit, with a limit on stiff guesses.
 
     A candidate whose start makes the equations so stiff that they take hundreds of steps a sample would hold up all
     others; such a simulation counts as blown up.
     """
-    compiled = compile_plant(plant, relative_tolerance=TOLERANCE)
+    compiled = compile_plant(plant, relative_tolerance=tolerance)
     most = STEPS_PER_SAMPLE * max(segment.samples for segment in segments) + 10_000
     return replace(compiled, tolerances=compiled.tolerances._replace(steps=most))
 
@@ -228,11 +249,13 @@ def fit_plant(
     *,
     tolerance: float = 1e-4,
     iterations: int = 25,
+    precise: bool = False,
 ) -> Fit:
     """Fit `plant` to all segments together; `known` are values to start from.
 
     `tolerance` is the relative gain in chi-square below which the fit is done. Parameter sigmas are
-    cluster-robust (see `robust_covariance`).
+    cluster-robust (see `robust_covariance`); those of a `precise` fit may be believed also where parameters are
+    told apart by their tolerances alone.
     """
     problem = FitProblem(plant, segments, sigmas, ranges)
     prior = np.array([1.0 if free.prior else 0.0 for free in problem.free])
@@ -248,6 +271,9 @@ def fit_plant(
     low, high = np.array([free.bounds() for free in problem.free]).reshape(-1, 2).T
     z, residuals, jacobian = minimise(cost, slope, z, low, high, tolerance=tolerance, iterations=iterations)
     residuals, jacobian = residuals[:rows], jacobian[:rows]
+    if precise:
+        exact = FitProblem(plant, segments, sigmas, ranges, tolerance=PRECISE_TOLERANCE)
+        residuals, jacobian = exact.residuals(z), exact.precise_sensitivities(z)
     sigma = np.sqrt(np.diag(robust_covariance(jacobian, residuals, prior, problem)))
     named = [i for i, free in enumerate(problem.free) if free.segment is None]
     return Fit(

@@ -17,6 +17,7 @@ Float = NDArray[np.float64]
 
 DAMPING = 1e-3
 MOST_DAMPING = 1e8
+SETTLED = 1e-2
 
 
 def minimise(
@@ -31,8 +32,8 @@ def minimise(
 ) -> tuple[Float, Float, Float]:
     """Unknowns, residuals and their Jacobian at the least sum of squares within [low, high].
 
-    `sensitivities(z, residuals(z))` is the Jacobian. Stops when a step promises or brings less than `tolerance`,
-    relative to the sum of squares.
+    `sensitivities(z, residuals(z))` is the Jacobian. Stops when a step that was
+    hardly damped brings less than `tolerance`, relative to the sum of squares.
     """
     z = np.clip(start, low, high)
     r = residuals(z)
@@ -45,8 +46,8 @@ def minimise(
             break
         before, z, r = float(r @ r), z_new, r_new
         jacobian = sensitivities(z, r)
-        if gained <= tolerance * before:
-            break
+        if gained <= tolerance * before and damping <= SETTLED:
+            break  # a small gain under heavy damping is a short step, not the bottom
     return z, r, jacobian
 
 

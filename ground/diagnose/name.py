@@ -83,6 +83,10 @@ class Search:
             current = next(fit for candidate, fit in fits if candidate is best.candidate)
             chosen.append(best)
             current, chosen = self.replace_earlier(current, chosen)
+        if chosen:
+            self.progress("settling the extended plant")
+            task = FitTask(current.plant, current.values, final=True)
+            (current,) = self.workers.map(fit_job, [task])
         final = tuple(self.contest(current, one) for one in chosen)
         return Named(current, final, refused)
 

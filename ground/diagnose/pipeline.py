@@ -27,7 +27,7 @@ from ground.diagnose.segments import (
     split_last_part,
 )
 from ground.diagnose.verify import Verified, verify, windowed_rms
-from ground.diagnose.workers import Workers
+from ground.diagnose.workers import FINAL_TOLERANCE, Workers
 from ground.recordings.model import Recording
 from sim_hal.plant.simulate import Plant, compile_plant
 
@@ -114,7 +114,7 @@ def diagnose(
     """
     data = prepare(recordings, plant)
     progress("refitting the plant's own parameters")
-    refit = fit_plant(plant, data.windows, data.sigmas, {})
+    refit = fit_plant(plant, data.windows, data.sigmas, {}, tolerance=FINAL_TOLERANCE, precise=True)
     scales = find_scales(refit, data.windows)
     progress("locating what is missing")
     forces = locate(refit, data.whole[0], data.sigmas, scales)

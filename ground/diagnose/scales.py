@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ground.diagnose.fit import Fit
 from ground.diagnose.segments import Segment
-from sim_hal.plant.expressions import Name, Node, Num, Op
+from sim_hal.plant.expressions import Name, Node, Op
 from sim_hal.plant.simulate import Balance, Plant, compile_plant, probes
 
 Float = NDArray[np.float64]
@@ -41,15 +41,11 @@ def find_scales(fit: Fit, segments: Sequence[Segment]) -> dict[str, dict[str, fl
 
 
 def force_formulas(plant: Plant, balance: Balance) -> dict[str, Node]:
-    """What the typical force is read from: the port's own value, or the state's rate over its response."""
+    """What the typical force is read from: the port's own value, or the state's rate and its response to a force."""
     if balance.port is not None:
         return {f"{balance.name}.force": Name(balance.port)}
-    state = next(iter(balance.per_force))
-    response = balance.per_force[state]
-    return {
-        f"{balance.name}.force": Op("/", (Op("rate", (Name(state),)), response)),
-        f"{balance.name}.inertia": Op("/", (Num(1.0), response)),
-    }
+    state, response = next(iter(balance.per_force.items()))
+    return {f"{balance.name}.rate": Op("rate", (Name(state),)), f"{balance.name}.response": response}
 
 
 def simulate_all(fit: Fit, segments: Sequence[Segment], formulas: dict[str, Node]) -> dict[str, Float]:
@@ -67,11 +63,16 @@ def simulate_all(fit: Fit, segments: Sequence[Segment], formulas: dict[str, Node
 def balance_scales(balance: Balance, series: dict[str, Float], duration_s: float) -> dict[str, float]:
     """Scales of one balance; those that the motion does not show are left out."""
     found = {"T": duration_s}
-    force = typical(series[f"{balance.name}.force"])
-    if force > 0.0:
-        found["F"] = force
-    if f"{balance.name}.inertia" in series:
-        found["M"] = abs(typical(series[f"{balance.name}.inertia"]))
+    force = series.get(f"{balance.name}.force")
+    if force is None:
+        response = series[f"{balance.name}.response"]
+        acts = response != 0.0
+        if not acts.any():
+            return {}
+        force = series[f"{balance.name}.rate"][acts] / response[acts]
+        found["M"] = float(np.median(np.abs(1.0 / response[acts])))
+    if typical(force) > 0.0:
+        found["F"] = typical(force)
     speed = series.get(f"{balance.name}.velocity")
     if speed is not None and typical(speed) > 0.0:
         found["V"] = typical(speed)

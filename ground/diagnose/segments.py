@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ground.diagnose.hop_masks import hop_mask
 from ground.recordings.model import Recording
 from ground.recordings.plant_run import to_run
 from sim_hal.plant.expressions import Name
@@ -69,6 +70,8 @@ def segment_of(recording: Recording, plant: Plant, compiled: CompiledPlant) -> S
     missing = np.full(recording.times_s.size, math.nan)
     columns = [recording.channels.get(name, missing) for name in compiled.output_names]
     run, observed = to_run(recording, plant), np.column_stack(columns)
+    if plant.kind == "hop":
+        observed[~hop_mask(recording, plant, run)] = math.nan
     return Segment(recording.run, run, observed, recording, open_scales(compiled, run, observed))
 
 

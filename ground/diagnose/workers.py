@@ -19,6 +19,10 @@ from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.segments import Segment
 from sim_hal.plant.simulate import Plant
 
+SEARCH_TOLERANCE = 1e-4
+FINAL_TOLERANCE = 1e-7
+"""Relative gain in chi-square below which a fit is done."""
+
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
@@ -34,16 +38,22 @@ class Context:
 
 @dataclass(frozen=True)
 class FitTask:
-    """A plant to fit, and values to start from."""
+    """A plant to fit, and values to start from; `final` fits go to the bottom and know their sigmas well."""
 
     plant: Plant
     known: Mapping[str, float]
+    final: bool = False
 
 
 def fit_job(context: Context, task: FitTask) -> Fit:
     """Full fit of one plant."""
     ranges = ranges_of(task.plant, context.scales)
-    return fit_plant(task.plant, context.segments, context.sigmas, ranges, task.known)
+    tolerance = FINAL_TOLERANCE if task.final else SEARCH_TOLERANCE
+    return fit_plant(
+        *(task.plant, context.segments, context.sigmas, ranges, task.known),
+        tolerance=tolerance,
+        precise=task.final,
+    )
 
 
 def validate_job(context: Context, fit: Fit) -> HeldOut:

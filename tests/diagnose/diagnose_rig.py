@@ -73,6 +73,16 @@ def recordings(truth: Plant, seed: int, count: int = 3, samples: int = 300) -> l
     return found
 
 
-def biased(recording: Recording, bias_m: float) -> Recording:
-    channels = {**recording.channels, "position_m": recording.channels["position_m"] + bias_m}
-    return replace(recording, channels=channels)
+def swinging(truth: Plant, like: list[Recording]) -> list[Recording]:
+    """The same rig let go from rest, without any push."""
+    compiled = compile_plant(truth)
+    found = []
+    for number, recording in enumerate(like):
+        run = Run(
+            recording.times_s, {"push_n": 0.0 * recording.times_s}, first_samples={"position_m": np.zeros(20)}
+        )
+        start = {"q": 0.1 + 0.05 * number, "v": 0.0}
+        noise = NOISE_M * np.random.default_rng(number).standard_normal(recording.times_s.size)
+        position = compiled.run(compiled.values, run, start)[:, 0] + noise
+        found.append(replace(recording, channels={**recording.channels, "position_m": position}))
+    return found

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from diagnose_rig import NOISE_M, friction, plant, recordings
+from diagnose_rig import NOISE_M, friction, plant, recordings, swinging
 
 from ground.diagnose.fit import fit_plant
 from ground.diagnose.pipeline import DiagnosisError, Outcome, diagnose, prepare, write_outcome
@@ -100,3 +101,15 @@ def test_too_short_a_recording_is_refused_in_words(tmp_path: Path) -> None:
     short = cut_recording(recordings(given, seed=1, count=1)[0], 0, 20)
     with pytest.raises(DiagnosisError, match="20 samples; a diagnosis needs at least 50"):
         diagnose([short], given, silent)
+
+
+def test_what_only_tolerances_tell_keeps_its_tolerance(tmp_path: Path) -> None:
+    """With the push unknown in size, all forces and the mass scale alike: only the priors know the scale."""
+    given = plant(tmp_path)
+    free = recordings(given, seed=3, count=2)
+    unpushed = [replace(r, channels={**r.channels, "push_n": 0.0 * r.times_s}) for r in swinging(given, free)]
+    data = prepare(unpushed, given)
+    fit = fit_plant(given, data.windows, data.sigmas, {}, tolerance=1e-7, precise=True)
+    relative = {name: p.std / p.value for name, p in given.parameters.items()}
+    pooled = sum(share**-2 for share in relative.values()) ** -0.5
+    assert fit.std["mass"] / given.parameters["mass"].value == pytest.approx(pooled, rel=0.3)

@@ -9,7 +9,7 @@ WINDING_HEATING = Effect(
     equation="electrical",
     mechanical=False,
     says="winding resistance rises with the heat put in",
-    sentence="The winding warms ({R_th} K/W, {C_th} J/K) and its resistance rises by {alpha} per kelvin.",
+    sentence="The winding warms ({R_th} to the air, capacity {C_th}); its resistance rises by {alpha}.",
     citation="maxon motor data sheets: copper 0.0039 1/K, thermal resistance and capacity of the winding",
     forms=(
         Form(
@@ -31,7 +31,7 @@ BRUSH_DROP = Effect(
     balances=("electrical",),
     mechanical=False,
     says="brushes drop a voltage that only the current's sign changes",
-    sentence="The brushes drop {U_b} V against the current.",
+    sentence="The brushes drop {U_b} against the current.",
     citation="A. Hughes, Electric Motors and Drives, 5th ed. (2019), ch. 3",
     forms=(
         Form(
@@ -47,7 +47,7 @@ SUPPLY_SAG = Effect(
     equation="electrical",
     mechanical=False,
     says="the supply has a source resistance, so the voltage drops with current",
-    sentence="The supply of {U_s} V has a source resistance of {R_s} ohm behind the bridge.",
+    sentence="The supply of {U_s} has a source resistance of {R_s} behind the bridge.",
     citation="averaged model of a pulse-width modulated bridge: supply current = duty · motor current",
     forms=(
         Form(
@@ -66,7 +66,7 @@ DEAD_TIME = Effect(
     equation="electrical",
     mechanical=False,
     says="the bridge gives nothing below a threshold voltage",
-    sentence="The bridge gives nothing below {U_d} V and that much less above it.",
+    sentence="The bridge gives nothing below {U_d} and that much less above it.",
     citation="S.-G. Jeong, M.-H. Park, IEEE Trans. Ind. Electron. 38 (1991) 108",
     forms=(
         Form(
@@ -82,7 +82,7 @@ CONSTANT_SATURATION = Effect(
     equation="electrical",
     mechanical=False,
     says="the torque constant falls at high current",
-    sentence="The torque constant falls with the current as 1/(1 + {saturation} i²).",
+    sentence="The torque constant falls with the current as 1/(1 + s i²), s = {saturation}.",
     citation="A. Hughes, Electric Motors and Drives, 5th ed. (2019), ch. 3: saturation of the iron",
     forms=(
         Form(
@@ -98,7 +98,7 @@ STRING_CREEP = Effect(
     equation="spring_force",
     mechanical=False,
     says="the string stretches on under load, viscoelastic",
-    sentence="The string creeps by {compliance} m/N with a time constant of {tau} s.",
+    sentence="The string creeps by {compliance} with a time constant of {tau}.",
     citation="W. N. Findley, J. S. Lai, K. Onaran, Creep and Relaxation (1976), ch. 5: Kelvin element",
     forms=(
         Form(
@@ -118,7 +118,7 @@ BACKLASH = Effect(
     equation="transmission",
     mechanical=False,
     says="lost motion at each reversal",
-    sentence="{width} m of travel are lost at each reversal.",
+    sentence="{width} of travel is lost at each reversal.",
     citation="M. Nordin, P.-O. Gutman, Automatica 38 (2002) 1633",
     forms=(
         Form(

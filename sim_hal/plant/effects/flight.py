@@ -11,7 +11,7 @@ DRAG_QUADRATIC = Effect(
     equation="ballistic",
     balances=_BALANCES,
     says="air drag with the square of speed",
-    sentence="Air drag with the square of speed acts, drag area {cd_a} m² at air density {rho} kg/m³.",
+    sentence="Air drag with the square of speed acts, drag area {cd_a} at air density {rho}.",
     citation="Rayleigh's drag equation; S. F. Hoerner, Fluid-Dynamic Drag (1965), ch. 1",
     forms=(
         Form(
@@ -29,7 +29,7 @@ DRAG_LINEAR = Effect(
     equation="ballistic",
     balances=_BALANCES,
     says="drag in proportion to speed",
-    sentence="Drag in proportion to speed acts, {d} N per m/s.",
+    sentence="Drag in proportion to speed acts, {d}.",
     citation="G. G. Stokes (1851), drag at low Reynolds number",
     forms=(
         Form(
@@ -44,7 +44,7 @@ BUOYANCY = Effect(
     equation="ballistic",
     balances=_BALANCES,
     says="a constant lift by the displaced air, or gravity smaller than modelled",
-    sentence="A constant lift of {B} N acts.",
+    sentence="A constant lift of {B} acts.",
     citation="Archimedes' principle",
     forms=(
         Form(

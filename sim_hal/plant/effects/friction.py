@@ -28,7 +28,7 @@ VISCOUS = Effect(
     physics_id="viscous_friction",
     equation="drive_torque",
     says="friction proportional to speed",
-    sentence="Friction proportional to speed, {F_v} per unit of speed, is missing.",
+    sentence="Friction proportional to speed, {F_v}, is missing.",
     citation="B. Armstrong-Hélouvry et al., Automatica 30 (1994) 1083",
     forms=(
         Form(
@@ -75,7 +75,7 @@ QUADRATIC = Effect(
     physics_id="quadratic_friction",
     equation="drive_torque",
     says="friction grows with the square of speed",
-    sentence="Friction that grows with the square of speed, {F_q} per squared unit of speed, is missing.",
+    sentence="Friction that grows with the square of speed, {F_q}, is missing.",
     citation="B. Armstrong-Hélouvry et al., Automatica 30 (1994) 1083",
     forms=(
         Form(

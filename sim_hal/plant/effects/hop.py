@@ -9,7 +9,7 @@ RELEASE_DELAY = Effect(
     equation="latch",
     mechanical=False,
     says="the lock opens later than its trip current",
-    sentence="The lock opens {delay} s later than its trip current.",
+    sentence="The lock opens {delay} later than its trip current.",
     citation="H. C. Roters, Electromagnetic Devices (1941), ch. 12: travel time of the armature",
     forms=(
         Form(
@@ -26,7 +26,7 @@ LATCH_DRAG = Effect(
     balances=("sleeve",),
     mechanical=False,
     says="the opening lock drags for a while on the string",
-    sentence="The opening lock drags on the string with {F_d} N, fading over {t_f} s.",
+    sentence="The opening lock drags on the string with {F_d}, fading over {t_f}.",
     citation="linear fade of a Coulomb drag while the latch clears the string",
     forms=(
         Form(
@@ -47,7 +47,7 @@ SLEEVE_FRICTION = Effect(
     balances=("sleeve",),
     mechanical=False,
     says="dry friction in the guide sleeves",
-    sentence="Dry friction of {F_f} N acts in the guide sleeves.",
+    sentence="Dry friction of {F_f} acts in the guide sleeves.",
     citation="B. Armstrong-Hélouvry et al., Automatica 30 (1994) 1083",
     forms=(
         Form(
@@ -62,7 +62,7 @@ SOIL_RATE = Effect(
     equation="ground_contact",
     mechanical=False,
     says="the soil resists in proportion to the speed of penetration",
-    sentence="The soil resists penetration with {c_g} N per m/s.",
+    sentence="The soil resists penetration in proportion to its speed, {c_g}.",
     citation="K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440: damping in contact",
     forms=(
         Form(
@@ -78,7 +78,7 @@ SOIL_HARDENING = Effect(
     equation="ground_contact",
     mechanical=False,
     says="the soil stiffens with depth, a power law",
-    sentence="The soil stiffens with depth to the power {n} (reference depth {y_r} m).",
+    sentence="The soil stiffens with depth to the power {n} (reference depth {y_r}).",
     citation="M. G. Bekker, Introduction to Terrain-Vehicle Systems (1969): pressure–sinkage power law",
     forms=(
         Form(

@@ -44,7 +44,7 @@ DRIFT = Effect(
     kind="sensor",
     rank=3,
     says="a channel's zero moves with time",
-    sentence="The channel's zero moves by {drift} per second.",
+    sentence="The channel's zero drifts at {drift}.",
     citation=_CITATION,
     forms=(
         Form(
@@ -62,7 +62,7 @@ DELAY = Effect(
     kind="sensor",
     rank=0,
     says="a channel is late",
-    sentence="The channel is {delay} s late.",
+    sentence="The channel is {delay} late.",
     citation=_CITATION,
     forms=(
         Form(
