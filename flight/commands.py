@@ -11,7 +11,7 @@ from dataclasses import replace
 from flight import tensioning
 from flight.machine_tick import Tick
 from flight.monitors import Fault, firing_interlocks
-from flight.states import Phase, Target
+from flight.states import STOWED, Phase, Target
 from hal.readings import GroundCommand
 
 
@@ -67,12 +67,12 @@ def _obey_de_tension(tick: Tick, command: GroundCommand) -> None:
 
 def _obey_stow(tick: Tick, command: GroundCommand) -> None:
     """End in SAFE, nut home, nothing stored. This is no fault."""
-    tick.go(Phase.DE_TENSION, reason="stowed")
+    tick.go(Phase.DE_TENSION, reason=STOWED)
 
 
 def _obey_abort(tick: Tick, command: GroundCommand) -> None:
     if tick.machine.phase is Phase.DE_TENSION:  # already on the way to where an abort leads
-        tick.machine = replace(tick.machine, reason=tick.machine.reason or "abort")
+        tick.machine = replace(tick.machine, reason=tick.machine.reason_after("abort"))
     else:
         tick.fail(Fault("abort"))
 

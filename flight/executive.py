@@ -115,8 +115,8 @@ class _Executive:
         """Name the exception, and end in SAFE."""
         self.outputs_off()
         reason = f"exception:{type(error).__name__}"
-        before = self.machine.phase
-        self.machine = replace(self.machine, phase=Phase.SAFE, reason=self.machine.reason or reason)
+        before, named = self.machine.phase, self.machine.reason_after(reason)
+        self.machine = replace(self.machine, phase=Phase.SAFE, reason=named)
         with suppress(Exception):  # log or link may be what failed
             self._event(Event("fault", "fault", {"reason": reason, "error": str(error)}))
             self._state(before, Phase.SAFE, reason)

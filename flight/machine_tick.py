@@ -40,7 +40,7 @@ class Tick:
         trusted = self.machine.drive_trusted and fault.drive_trusted
         self.say("fault", "fault", reason=fault.reason, phase=str(self.machine.phase), drive_trusted=trusted)
         relaxing = self.machine.phase is Phase.DE_TENSION
-        reason = self.machine.reason or fault.reason
+        reason = self.machine.reason_after(fault.reason)
         relax = self.machine.loaded and trusted and not relaxing
         self.go(Phase.DE_TENSION if relax else Phase.SAFE, reason=reason, drive_trusted=trusted)
 

@@ -12,7 +12,7 @@ from flight.evaluation import HopEnergies, evaluate_hop
 from flight.heartbeat import Heartbeat
 from flight.record import HopRecord
 from flight.settings import FlightSettings
-from flight.states import Machine, Phase
+from flight.states import STOWED, Machine, Phase
 from flight.surface_belief import (
     SurfaceBelief,
     SurfaceSettings,
@@ -150,7 +150,9 @@ class MissionResult:
 
     @property
     def completed(self) -> bool:
-        return self.end_reason == "stowed" and len(self.hops) == len(self.plan.hops)
+        """All planned hops made, and the robot stowed with the spring shown to hold nothing."""
+        made = len(self.hops) >= len(self.plan.hops)  # the ground may have commanded more
+        return self.end_reason == STOWED and made and not self.spring_loaded
 
 
 @dataclass

@@ -173,9 +173,9 @@ def _de_tension(tick: Tick) -> Outputs:
             tick.go(Phase.LATCH_CHECK, home_m=snap.nut_position_m, taut_m=None, target=None, latch_line=fresh)
     elif not spring_known:
         tick.say("spring_state_unknown", "warning")
-        tick.go(Phase.SAFE)
+        tick.go(Phase.SAFE, reason=machine.reason_after("spring_state_unknown"))
     elif snap.compression_m > 2.0 * safety.unloaded_compression_m:
-        tick.go(Phase.SAFE, reason=machine.reason or "spring_loaded_at_home")
+        tick.go(Phase.SAFE, reason=machine.reason_after("spring_loaded_at_home"))
     return Outputs(tick.slew(0.0))
 
 

@@ -46,6 +46,9 @@ TRANSITIONS: dict[Phase, frozenset[Phase]] = {
     Phase.SAFE: frozenset(),
 }
 
+STOWED = "stowed"
+"""The reason to end that is no fault: the nut is home and nothing is stored."""
+
 SENSORS = ("motor_current", "nut_encoder", "switches", "spring", "magnet_current", "accelerometer")
 
 
@@ -136,6 +139,10 @@ class Machine:
     quiet_s: float | None = None
     latch_line: LineFit = LineFit()
     last_s: float | None = None
+
+    def reason_after(self, reason: str) -> str:
+        """Why it ends, now that `reason` came up too: the first fault. A plan to stow gives way to any."""
+        return self.reason if self.reason not in ("", STOWED) else reason
 
 
 @dataclass(frozen=True, slots=True)

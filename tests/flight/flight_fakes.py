@@ -25,6 +25,7 @@ from hal.readings import (
 
 RATE_HZ = 1666.0
 OPENING_S = 0.0069
+STOP_M = -0.003  # lower end of the screw
 
 
 @lru_cache(maxsize=32)
@@ -51,6 +52,7 @@ class FakeRobot:
         self.hop_s = math.inf
         self.jammed = self.unplugged = False
         self.held_m: float | None = None  # what a stuck spring sensor shows
+        self.held_switches: tuple[bool, bool] | None = None  # home and latch as stuck switches show them
         self.failing: set[str] = set()
         self.silent: set[str] = set()
         self.read_until = {"spring": 0.0, "magnet": 0.0, "force": 0.0}
@@ -114,8 +116,9 @@ class FakeRobot:
         stall_torque = k_t * self.voltage_v / drive.resistance_ohm
         resisting = up if stall_torque > up else down if stall_torque < down else stall_torque
         slope = k_t * k_t / drive.resistance_ohm + drive.viscous_friction_n_m_s
-        omega = 0.0 if self.jammed else (stall_torque - resisting) / slope
-        self.nut_m = max(self.nut_m + omega * r * step_s, -0.003)
+        at_stop = self.nut_m <= STOP_M and stall_torque < 0.0
+        omega = 0.0 if self.jammed or at_stop else (stall_torque - resisting) / slope
+        self.nut_m += omega * r * step_s
         self.current_a = (self.voltage_v - k_t * omega) / drive.resistance_ohm
 
 
@@ -187,7 +190,8 @@ class FakeMotorCurrent(_Device):
 class FakeSwitches(_Device):
     def read(self) -> Switches:
         self.check()
-        return Switches(self.robot.now_s, self.robot.nut_m <= self.robot.home_m, self.robot.latched)
+        shown = self.robot.held_switches or (self.robot.nut_m <= self.robot.home_m, self.robot.latched)
+        return Switches(self.robot.now_s, *shown)
 
 
 class FakeSpring(_Device):

@@ -159,6 +159,31 @@ def test_a_misfire_is_named_and_the_spring_relaxed() -> None:
     assert not result.spring_loaded
 
 
+def test_switches_that_stick_before_the_hop_leave_the_mission_incomplete() -> None:
+    """The nut is never seen at home again, so it runs into its stop, and nothing shows the spring unloaded."""
+    robot, log = FakeRobot(SETTINGS, nut_m=0.002), ListLog()
+
+    def stick() -> None:
+        if robot.now_s > TENSIONING_S:
+            robot.held_switches = (False, True)
+
+    robot.on_tick = stick
+    result = fly(fake_board(robot), SETTINGS, ONE_HOP, log)
+    assert len(result.hops) == 1
+    assert log.phases()[-3:] == ["homing", "de_tension", "safe"]
+    assert result.end_reason == "over_current"
+    assert result.spring_loaded
+    assert not result.completed
+
+
+def test_a_mission_is_complete_only_with_all_hops_made_and_the_spring_shown_unloaded() -> None:
+    result, _ = flown(FakeRobot(SETTINGS, nut_m=0.002), MissionPlan("short", (HopPlan(1.0),)))
+    assert result.completed
+    assert not replace(result, spring_loaded=True).completed
+    assert not replace(result, end_reason="over_current").completed
+    assert not replace(result, hops=()).completed
+
+
 def test_a_self_test_that_fails_moves_nothing() -> None:
     robot = FakeRobot(SETTINGS, nut_m=0.002)
     robot.failing.add("accelerometer")
