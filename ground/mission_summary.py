@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from flight.mission import HopReport, MissionResult
 from flight.settings import FlightSettings
+from flight.surface_belief import SurfaceSettings, load_surfaces
 from flight.uncertain import Uncertain
 from ground.recordings import Recording
 from sim_hal.truth import HopTruth
@@ -38,6 +39,15 @@ class MissionRun:
     result: MissionResult
     hops: tuple[HopOutcome, ...]
     notes: tuple[str, ...] = ()
+    surfaces: SurfaceSettings = field(default_factory=load_surfaces)
+
+    def published_c3(self, surface: str, tilt_deg: float) -> str:
+        """The published range of C3 on a surface with this foot and tilt, in words; "" where none is known."""
+        for known in self.surfaces.surfaces:
+            same_foot = known.foot == self.settings.rig.foot and math.isclose(known.tilt_deg, tilt_deg)
+            if same_foot and known.name == surface:
+                return f"{100.0 * known.c3_low:.0f} to {100.0 * known.c3_high:.0f} %".replace("-", "−")
+        return ""
 
     @property
     def simulated(self) -> bool:
@@ -167,7 +177,7 @@ def verdict_sentence(run: MissionRun) -> str:
     else:
         loaded = ", with its spring loaded" if run.result.spring_loaded else ""
         parts = [f"The mission ended after {made} of {planned} hops: {run.result.end_reason}{loaded}"]
-    parts += [_ground_words(outcome) for outcome in last_on_each_place(run).values()]
+    parts += [_ground_words(run, outcome) for outcome in last_on_each_place(run).values()]
     return "; ".join(parts) + "." + _truth_words(run)
 
 
@@ -176,15 +186,21 @@ def last_on_each_place(run: MissionRun) -> dict[str, HopOutcome]:
     return {hop.report.plan.place: hop for hop in run.hops if hop.report.belief is not None}
 
 
-def _ground_words(outcome: HopOutcome) -> str:
-    belief = outcome.report.belief
+def _ground_words(run: MissionRun, outcome: HopOutcome) -> str:
+    belief, plan = outcome.report.belief, outcome.report.plan
     assert belief is not None
     share = plus_minus(100.0 * belief.c3_mean, 100.0 * belief.c3_std)
     name = belief.most_probable
-    told = outcome.report.plan.surface
-    like = f"{words(name)} ({100.0 * belief.probabilities[name]:.0f} %)"
-    ground = f"{words(told)} (place {outcome.report.plan.place})" if told else "the ground"
-    return f"{ground} takes C3 = {share} % of the jump energy, by which it is most like {like}"
+    told = plan.surface
+    ground = f"{words(told)} (place {plan.place})" if told else "the ground"
+    like = f"{words(name)} (probability {100.0 * belief.probabilities[name]:.0f} %)"
+    sentence = f"{ground} takes C3 = {share} % of the jump energy, by which it is most like {like}"
+    published = [(each, run.published_c3(each, plan.tilt_deg)) for each in (name, told) if each]
+    if name == told or not all(found for _, found in published):
+        return sentence
+    return (
+        f"{sentence}; published are {' and '.join(f'{found} for {words(each)}' for each, found in published)}"
+    )
 
 
 def words(name: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,14 +70,14 @@ def _add_belief_band(figure: go.Figure, hops: list[HopOutcome], place: str) -> N
         )
 
 
-def surface_figure(belief: SurfaceBelief) -> go.Figure:
-    """Probability of each known surface, and of none of them."""
+def surface_figure(belief: SurfaceBelief, published_c3: Mapping[str, str]) -> go.Figure:
+    """Probability of each known surface, beside its name the published range of C3, and of none of them."""
     names = sorted(belief.probabilities, key=lambda name: belief.probabilities[name])
     shares = [100.0 * belief.probabilities[name] for name in names]
     figure = go.Figure(
         go.Bar(
             x=shares,
-            y=[words(name) for name in names],
+            y=[f"{words(name)}  {published_c3.get(name, '')}".strip() for name in names],
             orientation="h",
             marker={"color": VIOLET},
             text=[f"{share:.0f} %" if share >= 0.5 else "< 0.5 %" for share in shares],

@@ -94,8 +94,13 @@ def _add_ground(page: Page, run: MissionRun) -> None:
     for place, outcome in last_on_each_place(run).items():
         belief = outcome.report.belief
         assert belief is not None
-        caption = f"Which ground place {place} is, after {belief.hops} hop(s), judged by C3 alone."
-        page.figure(surface_figure(belief), caption)
+        tilt_deg = outcome.report.plan.tilt_deg
+        published = {name: run.published_c3(name, tilt_deg) for name in belief.probabilities}
+        hops = "one hop" if belief.hops == 1 else f"{belief.hops} hops"
+        caption = (
+            f"Which ground place {place} is, after {hops}, by C3 alone; beside each name its published C3."
+        )
+        page.figure(surface_figure(belief, published), caption)
 
 
 def _add_hop(page: Page, run: MissionRun, outcome: HopOutcome) -> None:
