@@ -18,6 +18,7 @@ from flight.states import Event, Machine, Outputs, Phase
 from flight.surface_belief import SurfaceSettings, load_surfaces
 from flight.tensioning import energy_used_j
 from hal.board import Board
+from hal.errors import DeviceError
 from hal.log import LogSink
 
 
@@ -33,6 +34,12 @@ class Progress:
 
 Watcher = Callable[[Progress], None]
 
+MOTOR_FAILED = "motor_command_failed"
+
+
+class MotorFailed(Exception):
+    """The motor did not take a command: nothing can be relaxed under control any more."""
+
 
 def fly(
     board: Board,
@@ -47,8 +54,10 @@ def fly(
 
     `surfaces` are the known surfaces, those of `config/surfaces.yaml` unless given (raises `ConfigError` when
     that file is refused).
-    Whatever happens, motor and magnet are off when this returns or raises. An unexpected exception, of a
-    device or of the software, ends the mission in SAFE with the reason `exception:TYPE`, and is logged.
+    Whatever happens, motor and magnet are told to be off when this returns or raises, and the watchdog, no
+    longer stroked, cuts their power. An unexpected exception, of a device or of the software, ends the mission
+    in SAFE with the reason `exception:TYPE`, and is logged; a motor that does not take a command ends it as
+    `motor_command_failed`.
     """
     pilot = MissionPilot(mission, settings, surfaces or load_surfaces())
     executive = _Executive(board, settings, pilot, log)
@@ -76,7 +85,7 @@ class _Executive:
     _due_s: float | None = None
     _stroked_s: float | None = None
     _hop_rate: bool | None = None
-    _magnet_on: bool = False
+    _magnet_on: bool | None = False  # None: it did not take its newest command
     _now_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -88,7 +97,9 @@ class _Executive:
         if self._due_s is None:
             self._start(now_s)
         late_s = now_s - (self._due_s or now_s)
-        snap, events = self._senses.snapshot(now_s, late_s, self._power_maybe_cut(now_s))
+        snap, events = self._senses.snapshot(
+            now_s, late_s, self._power_maybe_cut(now_s), magnet_failed=self._magnet_on is None
+        )
         if late_s > self.settings.tick.overrun_share * self.settings.tick.period_s:
             events.append(Event("tick_overrun", "warning", {"late_s": late_s}))
         commands = self.board.ground_link.receive() + self.pilot.commands(self.machine, now_s)
@@ -103,7 +114,7 @@ class _Executive:
         if answer.outputs.evaluate:
             self._evaluate()
             done_s = self.board.clock.now_s()  # it may take longer than a tick, and keeps the watchdog up
-        self.board.watchdog.stroke()
+        self._stroke()
         self._stroked_s = done_s
         self._wait(done_s)
 
@@ -114,7 +125,7 @@ class _Executive:
     def fail(self, error: Exception) -> None:
         """Name the exception, and end in SAFE."""
         self.outputs_off()
-        reason = f"exception:{type(error).__name__}"
+        reason = MOTOR_FAILED if isinstance(error, MotorFailed) else f"exception:{type(error).__name__}"
         before, named = self.machine.phase, self.machine.reason_after(reason)
         self.machine = replace(self.machine, phase=Phase.SAFE, reason=named)
         with suppress(Exception):  # log or link may be what failed
@@ -147,20 +158,38 @@ class _Executive:
 
     def _apply(self, outputs: Outputs) -> None:
         if outputs.magnet_on != self._magnet_on:
-            (self.board.magnet.switch_on if outputs.magnet_on else self.board.magnet.switch_off)()
-            self._magnet_on = outputs.magnet_on
+            self._switch_magnet(outputs.magnet_on)
         most_v = min(self.board.motor.max_voltage_v, self.settings.drive.max_voltage_v)
-        self.board.motor.set_voltage_v(max(-most_v, min(most_v, outputs.voltage_v)))
+        try:
+            self.board.motor.set_voltage_v(max(-most_v, min(most_v, outputs.voltage_v)))
+        except DeviceError as error:
+            raise MotorFailed(str(error)) from error
         if outputs.spring_hop_rate != self._hop_rate:
             sensors = self.settings.sensors
             rate_hz = sensors.spring_hop_rate_hz if outputs.spring_hop_rate else sensors.spring_drive_rate_hz
             self.board.spring.set_rate_hz(rate_hz)
             self._hop_rate = outputs.spring_hop_rate
 
+    def _switch_magnet(self, on: bool) -> None:
+        """A magnet that fails is told again at the next tick; the machine relaxes the spring meanwhile."""
+        try:
+            (self.board.magnet.switch_on if on else self.board.magnet.switch_off)()
+        except DeviceError as error:
+            if self._magnet_on is not None:
+                self._event(Event("actuator_failed", "fault", {"device": "magnet", "error": str(error)}))
+            self._magnet_on = None
+        else:
+            self._magnet_on = on
+
+    def _stroke(self) -> None:
+        """Keep the power on, but only while the drive can be trusted: else the watchdog shall cut it."""
+        if self.machine.drive_trusted:
+            self.board.watchdog.stroke()
+
     def _evaluate(self) -> None:
         fire_s = self.machine.fire_s
         assert fire_s is not None
-        report = self.pilot.evaluate(self.recorder.record(fire_s), Heartbeat(self.board.watchdog.stroke))
+        report = self.pilot.evaluate(self.recorder.record(fire_s), Heartbeat(self._stroke))
         self.log.write("hop", self._now_s, report.as_payload())
         self.board.ground_link.send("hop", json.dumps(report.as_payload()))
 

@@ -28,6 +28,8 @@ def find_fault(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Fa
     """The first fault of this tick, the gravest kinds first; None when all is well."""
     if snap.power_maybe_cut:
         return Fault("watchdog", drive_trusted=True)
+    if snap.magnet_failed and machine.phase is not Phase.DE_TENSION:  # which is the answer to it
+        return Fault("magnet_command_failed", drive_trusted=True)
     for check in (_stale, _current, _stall, _travel, _lock, _disagreement, _overtime):
         fault = check(machine, snap, settings)
         if fault is not None:

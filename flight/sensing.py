@@ -23,7 +23,9 @@ class Senses:
     latest: Snapshot = field(default_factory=lambda: Snapshot(0.0))
     _failing: set[str] = field(default_factory=set)
 
-    def snapshot(self, now_s: float, late_s: float, power_maybe_cut: bool) -> tuple[Snapshot, list[Event]]:
+    def snapshot(
+        self, now_s: float, late_s: float, power_maybe_cut: bool, magnet_failed: bool
+    ) -> tuple[Snapshot, list[Event]]:
         """Read all sensors; returns what is known, and an event for each that fails or recovers."""
         events: list[Event] = []
         board, old = self.board, self.latest
@@ -52,6 +54,7 @@ class Senses:
             values["specific_force_low_m_s2"], values["specific_force_high_m_s2"] = min(newest), max(newest)
         self.recorder.add(force, spring, magnet)
         values["tick_late_s"], values["power_maybe_cut"] = late_s, power_maybe_cut
+        values["magnet_failed"] = magnet_failed
         self.latest = Snapshot(time_s=now_s, sampled_s=sampled, **values)
         return self.latest, events
 

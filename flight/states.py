@@ -73,6 +73,7 @@ class Snapshot:
     sampled_s: dict[str, float] = field(default_factory=dict)
     tick_late_s: float = 0.0
     power_maybe_cut: bool = False
+    magnet_failed: bool = False  # it did not take its newest command
 
     def age_s(self, sensor: str) -> float:
         """Age of the sensor's newest sample; infinite if there is none."""

@@ -12,7 +12,7 @@ from two_mass import SAND, Ground, TwoMassHop
 
 from flight.settings import FlightSettings
 from hal.board import Board
-from hal.errors import ReadFailed
+from hal.errors import DeviceError, ReadFailed
 from hal.readings import (
     GroundCommand,
     MagnetCurrent,
@@ -55,6 +55,7 @@ class FakeRobot:
         self.held_switches: tuple[bool, bool] | None = None  # home and latch as stuck switches show them
         self.failing: set[str] = set()
         self.silent: set[str] = set()
+        self.refused: list[str] = []  # actuators, once for each command that they did not take
         self.read_until = {"spring": 0.0, "magnet": 0.0, "force": 0.0}
         self.commands: list[GroundCommand] = []
         self.sent: list[tuple[str, str]] = []
@@ -129,6 +130,11 @@ class _Device:
     def close(self) -> None:
         self.closed = True
 
+    def obey(self) -> None:
+        if self.name in self.robot.failing:
+            self.robot.refused.append(self.name)
+            raise DeviceError(f"{self.name}: command not acknowledged")
+
     def check(self) -> None:
         if self.name in self.robot.failing:
             raise ReadFailed(f"{self.name}: no answer")
@@ -161,15 +167,18 @@ class FakeMotor(_Device):
 
     def set_voltage_v(self, voltage_v: float) -> None:
         assert abs(voltage_v) <= self.max_voltage_v
+        self.obey()
         self.robot.voltage_v = voltage_v
 
 
 class FakeMagnet(_Device):
     def switch_on(self) -> None:
+        self.obey()
         self.robot.magnet_on, self.robot.magnet_s = True, self.robot.now_s
         self.robot.magnet_times_s.append(self.robot.now_s)
 
     def switch_off(self) -> None:
+        self.obey()
         self.robot.magnet_on = False
 
 
