@@ -58,9 +58,19 @@ def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Mach
         moved_s=snap.time_s if followed or first else machine.moved_s,
         stable_ticks=machine.stable_ticks + 1 if steady else 0,
         over_current_ticks=machine.over_current_ticks + 1 if over else 0,
+        disobeyed_ticks=_disobeyed_ticks(machine, snap, speed_m_s, settings),
         mean_current_a=machine.mean_current_a
         + settings.drive.current_smoothing * (drawn_a - machine.mean_current_a),
     )
+
+
+def _disobeyed_ticks(machine: Machine, snap: Snapshot, speed_m_s: float, settings: FlightSettings) -> int:
+    """For how many ticks current and speed have not shown the voltage that was commanded."""
+    safety = settings.safety
+    if max(snap.age_s("nut_encoder"), snap.age_s("motor_current")) > safety.firing_age_s:
+        return machine.disobeyed_ticks  # nothing new is known
+    error_v = tensioning.disobedience_v(machine.voltage_v, snap.motor_current_a, speed_m_s, settings.drive)
+    return machine.disobeyed_ticks + 1 if error_v > safety.disobey_voltage_v else 0
 
 
 def _observe_load(machine: Machine, snap: Snapshot, travel_m: float, settings: FlightSettings) -> Machine:

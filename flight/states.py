@@ -135,6 +135,7 @@ class Machine:
     compression_m: float = 0.0  # spring sensor and encoder, fused
     moved_s: float = 0.0  # last time at which the nut was seen to follow the voltage
     over_current_ticks: int = 0
+    disobeyed_ticks: int = 0
     unloaded_ticks: int = 0
     stable_ticks: int = 0
     quiet_s: float | None = None

@@ -68,6 +68,16 @@ def drive_voltage_v(
     return max(-drive.max_voltage_v, min(drive.max_voltage_v, voltage_v))
 
 
+def disobedience_v(commanded_v: float, current_a: float, speed_m_s: float, drive: DriveSettings) -> float:
+    """How far the voltage that the motor shows, u = R i + K omega, is from the commanded one.
+
+    This is the motor's own circuit (its inductance left out: a fraction of a millisecond), so it holds
+    whatever the load, and also for a nut that jams.
+    """
+    omega = speed_m_s / drive.travel_per_radian_m
+    return abs(commanded_v - drive.resistance_ohm * current_a - drive.torque_constant_n_m_a * omega)
+
+
 def slew_limited_v(wanted_v: float, present_v: float, period_s: float, drive: DriveSettings) -> float:
     """The next voltage on the way to the wanted one, so that starting up does not draw the stall current."""
     step_v = drive.voltage_slew_v_s * period_s

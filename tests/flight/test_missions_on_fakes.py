@@ -107,7 +107,7 @@ FAULTS: dict[str, tuple[float, Callable[[FakeRobot], None], str, bool]] = {
         True,
     ),
     "nut jams": (HOMING_S, lambda r: setattr(r, "jammed", True), "over_current", False),
-    "motor is unplugged": (HOMING_S, lambda r: setattr(r, "unplugged", True), "stall", False),
+    "motor is unplugged": (HOMING_S, lambda r: setattr(r, "unplugged", True), "motor_disobeys", False),
     "spring sensor drops": (TENSIONING_S, lambda r: setattr(r, "held_m", 0.0), "early_release", True),
     "spring sensor sticks": (
         TENSIONING_S,

@@ -43,6 +43,7 @@ def test_shipped_settings_load_and_describe_one_rig_twice_alike() -> None:
         ("arm_min_s: 0.25", "arm_min_s: 9.0", "timeouts.arm_min_s must be below"),
         ("firing_age_s: 0.02", "firing_age_s: 0.004", "safety.firing_age_s = 0.004 is below two ticks"),
         ("latch_check_start_m: 0.0004", "latch_check_start_m: 0.01", "safety.latch_check_start_m"),
+        ("disobey_ticks: 12", "disobey_ticks: 0", "safety.disobey_ticks = 0 is outside its limits"),
         ("resistance_ohm: 3.3", "resistance_ohm: -3.3", "drive.resistance_ohm = -3.3 is outside its limits"),
         ("resistance_ohm: 3.3", "resistance_ohm: .nan", "drive.resistance_ohm = nan must be finite"),
         ("resistance_ohm: 3.3", "resistence_ohm: 3.3", "unknown key drive.resistence_ohm"),
