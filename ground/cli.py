@@ -14,9 +14,9 @@ import typer
 from flight import settings as flight_settings
 from flight.executive import Progress
 from ground import console
-from ground.diagnose.fit import FitProblem, head_of
 from ground.diagnose.pipeline import Outcome, diagnose, write_outcome
 from ground.diagnose.segments import channel_sigmas, segment_of, sigma_vector
+from ground.diagnose.verify import predict
 from ground.importing import import_recording
 from ground.mission_run import plan_mission, run_mission
 from ground.mission_summary import (
@@ -140,9 +140,7 @@ def simulate_like(plant: Plant, recording: Recording) -> Recording:
     compiled = compile_plant(plant)
     sigmas = channel_sigmas([recording], plant, compiled.output_names)
     segment = segment_of(recording, plant, compiled)
-    start = FitProblem(plant, (head_of(segment),), sigma_vector(sigmas, compiled.output_names), {}, frozen={})
-    initial = start.initial(start.settle_initial_states(), 0)
-    outputs = compiled.run(compiled.values, segment.run, initial)
+    outputs = predict(plant, segment, sigma_vector(sigmas, compiled.output_names))
     channels = {name: outputs[:, i] for i, name in enumerate(compiled.output_names)}
     return replace(
         recording, channels=channels, sensors={}, extra_tables={}, notes=f"predicted by {plant.name}"

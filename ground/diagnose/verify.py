@@ -13,7 +13,7 @@ from ground.diagnose.fit import FitProblem, head_of
 from ground.diagnose.result import ChannelFit, Whiteness
 from ground.diagnose.scoring import whiteness_p
 from ground.diagnose.segments import Segment
-from sim_hal.plant.simulate import Plant
+from sim_hal.plant.simulate import Plant, compile_plant
 from sim_hal.plant.units import channel_unit
 
 Float = NDArray[np.float64]
@@ -37,7 +37,10 @@ def predict(plant: Plant, segment: Segment, sigmas: Float) -> Float:
     """
     problem = FitProblem(plant, (head_of(segment),), sigmas, {}, frozen={})
     initial = problem.initial(problem.settle_initial_states(), 0)
-    return problem.compiled.run(problem.compiled.values, segment.run, initial)
+    compiled = compile_plant(
+        plant
+    )  # at a simulation's accuracy, with no limit made for the few first samples
+    return compiled.run(compiled.values, segment.run, initial)
 
 
 def verify(
