@@ -16,7 +16,7 @@ from flight.machine_tick import Tick
 from flight.monitors import find_fault
 from flight.phases import ACTIONS
 from flight.settings import FlightSettings
-from flight.states import Machine, Outputs, Phase, Snapshot, Step
+from flight.states import Machine, Outputs, Phase, Sameness, Snapshot, Step
 from hal.readings import GroundCommand
 
 
@@ -51,7 +51,7 @@ def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Mach
     over = abs(snap.motor_current_a) > safety.over_current_a
     drawn_a = max(snap.motor_current_a, 0.0)
     return replace(
-        _observe_load(machine, snap, travel_m, settings),
+        _observe_sameness(_observe_load(machine, snap, travel_m, settings), snap, running=followed),
         position_m=snap.nut_position_m,
         last_s=snap.time_s,
         speed_m_s=speed_m_s,
@@ -62,6 +62,16 @@ def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Mach
         mean_current_a=machine.mean_current_a
         + settings.drive.current_smoothing * (drawn_a - machine.mean_current_a),
     )
+
+
+def _observe_sameness(machine: Machine, snap: Snapshot, running: bool) -> Machine:
+    """Whether readings that cannot stay the same do: the current of a running motor, a noisy accelerometer."""
+    current, force, sampled_s = Sameness(), Sameness(), snap.sampled_s
+    if running and "motor_current" in sampled_s:
+        current = machine.same_current.after(snap.motor_current_a, sampled_s["motor_current"])
+    if snap.specific_force_low_m_s2 == snap.specific_force_high_m_s2 and "accelerometer" in sampled_s:
+        force = machine.same_force.after(snap.specific_force_m_s2, sampled_s["accelerometer"])
+    return replace(machine, same_current=current, same_force=force)
 
 
 def _disobeyed_ticks(machine: Machine, snap: Snapshot, speed_m_s: float, settings: FlightSettings) -> int:

@@ -30,7 +30,7 @@ def find_fault(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Fa
         return Fault("watchdog", drive_trusted=True)
     if snap.magnet_failed and machine.phase is not Phase.DE_TENSION:  # which is the answer to it
         return Fault("magnet_command_failed", drive_trusted=True)
-    for check in (_stale, _current, _obedience, _stall, _travel, _lock, _disagreement, _overtime):
+    for check in (_stale, _current, _stuck, _obedience, _stall, _travel, _lock, _disagreement, _overtime):
         fault = check(machine, snap, settings)
         if fault is not None:
             return fault
@@ -50,6 +50,18 @@ def _stale(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Fault 
 def _current(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Fault | None:
     if machine.over_current_ticks >= settings.safety.over_current_ticks:
         return Fault("over_current", drive_trusted=False)
+    return None
+
+
+def _stuck(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Fault | None:
+    """A reading that carries noise or must move, and stays the same to the last bit."""
+    if machine.phase in STARTING:
+        return None
+    most = settings.safety.stuck_samples
+    if machine.same_current.repeats >= most:
+        return Fault("motor_current_stuck", drive_trusted=False)
+    if machine.same_force.repeats >= most and machine.phase is not Phase.DE_TENSION:  # not needed there
+        return Fault("accelerometer_stuck")
     return None
 
 

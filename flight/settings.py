@@ -107,6 +107,7 @@ class SafetySettings:
     early_release_share: Share
     over_current_a: Positive
     over_current_ticks: Count
+    stuck_samples: Count
     disobey_voltage_v: Positive
     disobey_ticks: Count
     stall_speed_m_s: Positive

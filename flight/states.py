@@ -115,6 +115,21 @@ class LineFit:
 
 
 @dataclass(frozen=True, slots=True)
+class Sameness:
+    """How many new samples in a row have repeated the one before to the last bit."""
+
+    value: float | None = None
+    sampled_s: float = float("-inf")
+    repeats: int = 0
+
+    def after(self, value: float, sampled_s: float) -> Sameness:
+        """With one more reading; one that is not new says nothing."""
+        if sampled_s <= self.sampled_s:
+            return self
+        return Sameness(value, sampled_s, self.repeats + 1 if value == self.value else 0)
+
+
+@dataclass(frozen=True, slots=True)
 class Machine:
     """The whole state of the hop state machine. Positions are the encoder's."""
 
@@ -136,6 +151,8 @@ class Machine:
     moved_s: float = 0.0  # last time at which the nut was seen to follow the voltage
     over_current_ticks: int = 0
     disobeyed_ticks: int = 0
+    same_current: Sameness = Sameness()
+    same_force: Sameness = Sameness()
     unloaded_ticks: int = 0
     stable_ticks: int = 0
     quiet_s: float | None = None

@@ -65,6 +65,7 @@ class FakeRobot:
         self.slips = False
         self.broken = False
         self.extra_current_a = 0.0
+        self.current_rng = np.random.Generator(np.random.PCG64(8))
         self.strokes = 0
         self.on_tick: Callable[[], None] = lambda: None
 
@@ -193,7 +194,8 @@ class FakeMotorCurrent(_Device):
         self.check()
         if self.robot.broken:
             raise ZeroDivisionError("a bug in a driver")
-        return MotorCurrent(self.robot.now_s, self.robot.current_a + self.robot.extra_current_a)
+        noise_a = float(self.robot.current_rng.normal(0.0, 0.002))
+        return MotorCurrent(self.robot.now_s, self.robot.current_a + self.robot.extra_current_a + noise_a)
 
 
 class FakeSwitches(_Device):

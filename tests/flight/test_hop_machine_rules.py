@@ -48,6 +48,7 @@ class HopRules(RuleBasedStateMachine):
         self.silent: set[str] = set()
         self.shifts = dict.fromkeys(SHIFTS, 0.0)
         self.cut = False
+        self.noise = 0.001  # 0 when sensors are stuck
         self.opens = True
         self.history: list[Phase] = []
 
@@ -62,11 +63,12 @@ class HopRules(RuleBasedStateMachine):
 
     def snapshot(self) -> Snapshot:
         compression = max(self.nut_m - 0.001, 0.0) / RATIO if self.latched else 0.0
-        force = REST + self.shifts["specific_force_m_s2"]
+        self.noise = -self.noise
+        force = REST + self.shifts["specific_force_m_s2"] + self.noise
         sampled = {name: -1.0 if name in self.silent else self.now_s for name in SENSORS}
         return Snapshot(
             time_s=self.now_s,
-            motor_current_a=self.shifts["motor_current_a"],
+            motor_current_a=self.shifts["motor_current_a"] + self.noise,
             nut_position_m=self.nut_m,
             at_home=self.nut_m <= 0.0,
             latch_closed=self.latched,
@@ -147,14 +149,17 @@ class HopRules(RuleBasedStateMachine):
                 break
 
     @rule(
-        what=st.sampled_from([*SENSORS, *SHIFTS, "lock", "power"]), shift=st.sampled_from([-5.0, 0.01, 5.0])
+        what=st.sampled_from([*SENSORS, *SHIFTS, "lock", "power", "stick"]),
+        shift=st.sampled_from([-5.0, 0.01, 5.0]),
     )
     def something_goes_wrong(self, what: str, shift: float) -> None:
-        """A sensor falls silent or reads off, the lock lets go, or the watchdog may have cut the power."""
+        """A sensor falls silent, sticks or reads off, the lock lets go, or the watchdog may have cut the power."""
         if what == "lock":
             self.latched = False
         elif what in SHIFTS:
             self.shifts[what] = shift
+        elif what == "stick":
+            self.noise = 0.0
         elif what in SENSORS:
             self.silent.add(what)
         self.cut = what == "power"
@@ -164,6 +169,7 @@ class HopRules(RuleBasedStateMachine):
     @rule()
     def sensors_return(self) -> None:
         self.silent.clear()
+        self.noise = 0.001
         self.shifts = dict.fromkeys(SHIFTS, 0.0)
 
     @invariant()
