@@ -9,7 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.diagnose.fit import Fit, FitProblem, Ranges, fit_plant
+from ground.diagnose.fit import Fit, fit_plant
+from ground.diagnose.problem import FitProblem, Ranges
 from ground.diagnose.scoring import block_scores, learned_scale
 from ground.diagnose.segments import Segment
 

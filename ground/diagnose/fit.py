@@ -1,61 +1,22 @@
-"""Maximum a posteriori fit of a plant to recordings, by output error.
-
-Unknowns are the plant's parameters within their tolerances (the tolerance is a Gaussian prior, cut at
-`PRIOR_REACH` sigmas), the parameters of the effects in it, and the initial states that a recording leaves open.
-All are scaled to order one. Gauss-Newton on simulated sensitivities.
-"""
+"""Maximum a posteriori fit of a plant to recordings, by output error: Gauss-Newton on simulated sensitivities."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.gauss_newton import minimise
-from ground.diagnose.segments import Segment, head_of_run
-from sim_hal.plant.simulate import CompiledPlant, Plant, SimulationError, compile_plant
+from ground.diagnose.problem import PRECISE_TOLERANCE, FitProblem, Ranges
+from ground.diagnose.segments import Segment
+from sim_hal.plant.simulate import Plant
 
 Float = NDArray[np.float64]
-Ranges = Mapping[str, tuple[float, float, float]]
 
-PRIOR_REACH = 3.0
-STEP = 1e-3
-"""One-sided difference step in scaled units: above the integrator's error, below where curvature shows."""
-PRECISE_STEP = 1e-2
-PRECISE_TOLERANCE = 1e-10
-"""For covariances: central differences. Parameters that only occur as ratios (all masses and stiffnesses scaled
-alike move nothing) are known by their tolerances alone, and an error of one part in a thousand in the sensitivities
-would pass for knowledge of them."""
 LEAST_INFORMATION = 1e-12
 """Smallest eigenvalue of a scaled information matrix that counts as known."""
-TOLERANCE = 1e-7
-"""Relative error per integration step: with `STEP`, sensitivities are right to about one part in a thousand."""
-STEPS_PER_SAMPLE = 60
-BLOWN_UP = 1e4
-"""Standardised residual given to every sample of a simulation that did not get through."""
-
-
-@dataclass(frozen=True)
-class Free:
-    """One fitted quantity: value = centre + scale * z, with low <= value <= high.
-
-    `prior` says whether the scale is a prior standard deviation (a tolerance) or only a scale (an effect).
-    `segment` is the index of the segment whose initial state it is, or None for a parameter of the plant.
-    """
-
-    name: str
-    centre: float
-    scale: float
-    low: float
-    high: float
-    prior: bool
-    segment: int | None = None
-
-    def bounds(self) -> tuple[float, float]:
-        return (self.low - self.centre) / self.scale, (self.high - self.centre) / self.scale
 
 
 @dataclass(frozen=True)
@@ -74,170 +35,6 @@ class Fit:
     def chi2(self) -> float:
         """Sum of squared standardised residuals, without the priors."""
         return float(self.residuals @ self.residuals)
-
-
-class FitProblem:
-    """A plant with chosen effects on given segments: residuals and sensitivities in scaled unknowns.
-
-    `ranges` gives the fit start, lower and upper limit of each effect parameter that has no prior of its own, by
-    flat name. With `frozen` values nothing is fitted but the open initial states.
-    """
-
-    def __init__(
-        self,
-        plant: Plant,
-        segments: Sequence[Segment],
-        sigmas: Float,
-        ranges: Ranges,
-        frozen: Mapping[str, float] | None = None,
-        tolerance: float = TOLERANCE,
-    ) -> None:
-        self.plant = plant
-        self.compiled = limited(plant, segments, tolerance)
-        self.segments = tuple(segments)
-        self.sigmas = sigmas
-        self._index = {name: i for i, name in enumerate(self.compiled.parameter_names)}
-        self._base = self.compiled.values.copy()
-        for name, value in (frozen or {}).items():
-            self._base[self._index[name]] = value
-        parameters = [] if frozen is not None else self._parameters(ranges)
-        self.free = parameters + self._initial_states()
-        sizes = [segment.observed.size for segment in segments]
-        self._edges = np.concatenate([[0], np.cumsum(sizes)])
-
-    def _parameters(self, ranges: Ranges) -> list[Free]:
-        """What is fitted: effect parameters within their ranges, nominal ones within their tolerances."""
-        used = {str(s.recording.conditions.get("surface", "")) for s in self.segments}
-        free: list[Free] = []
-        for name, parameter in self.plant.flat().items():
-            surface = name.split(".")[0]
-            if surface in self.plant.surfaces and surface not in used:
-                continue
-            if name in ranges:
-                start, low, high = ranges[name]
-                scale = max(abs(start), 1e-3 * (high - low))
-                free.append(Free(name, start, scale, low, high, prior=False))
-            elif parameter.std > 0.0:
-                reach = PRIOR_REACH * parameter.std
-                low, high = parameter.value - reach, parameter.value + reach
-                if parameter.value > 0.0:  # no sign change: masses, stiffnesses, resistances
-                    low = max(low, 1e-3 * parameter.value)
-                free.append(Free(name, parameter.value, parameter.std, low, high, prior=True))
-        return free
-
-    def _initial_states(self) -> list[Free]:
-        free: list[Free] = []
-        for number, segment in enumerate(self.segments):
-            if not segment.open_scales:
-                continue
-            start = self.compiled.initial_values(self._base, segment.run)
-            for state, scale in segment.open_scales.items():
-                free.append(Free(state, start[state], scale, -np.inf, np.inf, prior=False, segment=number))
-        return free
-
-    def values(self, z: Float) -> Float:
-        """The flat parameter vector of the compiled plant."""
-        values = self._base.copy()
-        for free, scaled in zip(self.free, z, strict=True):
-            if free.segment is None:
-                values[self._index[free.name]] = free.centre + free.scale * scaled
-        return values
-
-    def initial(self, z: Float, number: int) -> dict[str, float]:
-        """Initial states of one segment that the recording leaves open."""
-        return {
-            free.name: free.centre + free.scale * scaled
-            for free, scaled in zip(self.free, z, strict=True)
-            if free.segment == number
-        }
-
-    def segment_residuals(self, z: Float, number: int, values: Float) -> Float:
-        """Standardised residuals of one segment, (samples * outputs,); missing samples are 0."""
-        segment = self.segments[number]
-        try:
-            predicted = self.compiled.run(values, segment.run, self.initial(z, number))
-        except SimulationError:
-            return np.full(segment.observed.size, BLOWN_UP)
-        scaled = (segment.observed - predicted) / self.sigmas
-        return np.clip(np.nan_to_num(scaled, nan=0.0), -BLOWN_UP, BLOWN_UP).ravel()
-
-    def residuals(self, z: Float) -> Float:
-        """Standardised residuals of all segments, stacked."""
-        values = self.values(z)
-        return np.concatenate([self.segment_residuals(z, i, values) for i in range(len(self.segments))])
-
-    def sensitivities(self, z: Float, base: Float) -> Float:
-        """Derivative of the residuals by each unknown, (rows, unknowns), by one-sided differences."""
-        jacobian = np.zeros((base.size, len(self.free)))
-        for column, free in enumerate(self.free):
-            step = STEP if z[column] + STEP <= free.bounds()[1] else -STEP
-            for rows, moved in self._moved(z, column, step):
-                jacobian[rows, column] = (moved - base[rows]) / step
-        return jacobian
-
-    def precise_sensitivities(self, z: Float) -> Float:
-        """The same by central differences of a wider step; for problems made with `PRECISE_TOLERANCE`."""
-        jacobian = np.zeros((int(self._edges[-1]), len(self.free)))
-        for column in range(len(self.free)):
-            pairs = zip(
-                self._moved(z, column, PRECISE_STEP), self._moved(z, column, -PRECISE_STEP), strict=True
-            )
-            for (rows, up), (_, down) in pairs:
-                jacobian[rows, column] = (up - down) / (2.0 * PRECISE_STEP)
-        return jacobian
-
-    def _moved(self, z: Float, column: int, step: float) -> Iterator[tuple[slice, Float]]:
-        """Residuals, by segment, with one unknown moved; only segments that it acts on."""
-        moved = z.copy()
-        moved[column] += step
-        values = self.values(moved)
-        own = self.free[column].segment
-        for number in range(len(self.segments)) if own is None else [own]:
-            rows = slice(int(self._edges[number]), int(self._edges[number + 1]))
-            yield rows, self.segment_residuals(moved, number, values)
-
-    def start(self, known: Mapping[str, float]) -> Float:
-        """Scaled start: the values of an earlier fit where it had them, else the centres."""
-        z = np.zeros(len(self.free))
-        for i, free in enumerate(self.free):
-            if free.segment is None and free.name in known:
-                z[i] = (known[free.name] - free.centre) / free.scale
-            low, high = free.bounds()
-            z[i] = min(max(z[i], low + 1e-9), high - 1e-9)
-        return z
-
-    def start_at(self, initial: Sequence[Mapping[str, float]]) -> Float:
-        """Scaled start with given initial states, (per segment, by name); parameters at their centres."""
-        z = np.zeros(len(self.free))
-        for i, free in enumerate(self.free):
-            if free.segment is not None:
-                z[i] = (initial[free.segment][free.name] - free.centre) / free.scale
-        return z
-
-    def settle_initial_states(self) -> Float:
-        """Best open initial states with all parameters as they are (used where everything else is frozen)."""
-        z = np.zeros(len(self.free))
-        if z.size == 0:
-            return z
-        none = np.full(z.size, np.inf)
-        return minimise(self.residuals, self.sensitivities, z, -none, none, tolerance=1e-8, iterations=15)[0]
-
-
-def limited(plant: Plant, segments: Sequence[Segment], tolerance: float) -> CompiledPlant:
-    """The plant ready for a fit, with a limit on stiff guesses.
-
-    A candidate whose start makes the equations so stiff that they take hundreds of steps a sample would hold up all
-    others; such a simulation counts as blown up.
-    """
-    compiled = compile_plant(plant, relative_tolerance=tolerance)
-    most = STEPS_PER_SAMPLE * max(segment.samples for segment in segments) + 10_000
-    return replace(compiled, tolerances=compiled.tolerances._replace(steps=most))
-
-
-def head_of(segment: Segment) -> Segment:
-    """The first samples of a segment: what an open initial state may be read from."""
-    run = head_of_run(segment.run)
-    return replace(segment, run=run, observed=segment.observed[: run.times_s.size])
 
 
 def fit_plant(
@@ -323,6 +120,6 @@ def blocks(segments: Sequence[Segment], wanted: int = 24) -> list[slice]:
     for segment in segments:
         width = segment.observed.shape[1]
         edges = np.linspace(0, segment.samples, each + 1).round().astype(int) * width + offset
-        ranges += [slice(int(a), int(b)) for a, b in itertools.pairwise(edges) if b > a]
+        ranges += [slice(int(a), int(b)) for a, b in pairwise(edges) if b > a]
         offset += segment.observed.size
     return ranges

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from ground.diagnose.compare import compare_with
 from ground.diagnose.evidence import Evidence, LocatedForce
 from ground.diagnose.findings import findings_of, next_run, verdict_of
-from ground.diagnose.fit import PRIOR_REACH, Fit, fit_plant
+from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.locate import locate, still_missing
 from ground.diagnose.name import Named, Search
+from ground.diagnose.problem import PRIOR_REACH
 from ground.diagnose.result import Diagnosis
 from ground.diagnose.scales import find_scales
 from ground.diagnose.segments import (

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.candidates import Candidate
-from ground.diagnose.fit import Fit, FitProblem
+from ground.diagnose.fit import Fit
+from ground.diagnose.problem import FitProblem
 from ground.diagnose.segments import Segment
 from sim_hal.plant.simulate import EffectUse
 

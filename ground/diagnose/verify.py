@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.evidence import Trace
-from ground.diagnose.fit import FitProblem, head_of
+from ground.diagnose.problem import FitProblem, head_of
 from ground.diagnose.result import ChannelFit, Whiteness
 from ground.diagnose.scoring import whiteness_p
 from ground.diagnose.segments import Segment
