@@ -2,9 +2,9 @@
 
     python -m benchmarks.simulation [--json FILE] [--repeats N]
 
-The axis is a mass under a known force with Coulomb and viscous friction, 10 s at 1 kHz. SciPy's RK45 gets
-friction smoothed (tanh over 0.1 mm/s), as it knows no sticking, at the same relative tolerance of 1e-8. How far the two end up
-apart is printed too, and is that smoothing's doing.
+The axis is a mass under a known force with Coulomb and viscous friction, 10 s at 1 kHz. SciPy's RK45, at the same
+relative tolerance of 1e-8, gets the friction smoothed (tanh over 0.1 mm/s), as it knows no sticking. How far the two
+end up apart is printed too, and is that smoothing's doing.
 """
 
 from __future__ import annotations

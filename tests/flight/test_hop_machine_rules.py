@@ -202,7 +202,7 @@ class HopRules(RuleBasedStateMachine):
 
 
 HopRules.TestCase.settings = hypothesis_settings(
-    max_examples=40, stateful_step_count=12, deadline=None, derandomize=True
+    max_examples=32, stateful_step_count=12, deadline=None, derandomize=True
 )
 TestHopRules = HopRules.TestCase
 
