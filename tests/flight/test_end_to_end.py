@@ -28,7 +28,7 @@ def sim_settings(*surfaces: str, **changes: Any) -> dict[str, Any]:
 def test_a_mission_on_the_simulated_board_agrees_with_its_truth() -> None:
     plan = MissionPlan(
         "steel and sand",
-        (HopPlan(14.0, "steel", place="plate", reference=True), HopPlan(14.0, "quartz_sand")),
+        (HopPlan(8.0, "steel", place="plate", reference=True), HopPlan(8.0, "quartz_sand")),
     )
     with open_board("sim", sim_settings("steel", "quartz_sand")) as board:
         result = fly(board, SETTINGS, plan, ListLog())
@@ -57,7 +57,7 @@ def test_a_spring_found_loaded_in_the_simulation_is_relaxed_and_nothing_fires() 
     found = sim_settings("quartz_sand", initial={"nut_position_m": 0.02, "latch_closed": True})
     log = ListLog()
     with open_board("sim", found) as board:
-        result = fly(board, SETTINGS, MissionPlan("one", (HopPlan(8.0, "quartz_sand"),)), log)
+        result = fly(board, SETTINGS, MissionPlan("one", (HopPlan(1.0, "quartz_sand"),)), log)
         fired = [hop.fire_s for hop in world_of(board).hops]
     assert log.events("loaded_at_power_up")
     assert log.phases()[:2] == ["self_test", "de_tension"]
@@ -76,7 +76,7 @@ def test_the_entry_flies_by_name_and_refuses_in_words(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     mission, log = tmp_path / "mission.yaml", tmp_path / "flight.mcap"
-    mission.write_text("name: short\nhops:\n  - {energy_j: 6.0, surface: steel}\n", encoding="utf-8")
+    mission.write_text("name: short\nhops:\n  - {energy_j: 1.0, surface: steel}\n", encoding="utf-8")
     common = ["--mission", str(mission), "--log", str(log)]
     assert main(["--board", "nonesuch", *common]) == 2
     assert "no board is called 'nonesuch'" in capsys.readouterr().err

@@ -65,7 +65,7 @@ def test_power_while_tensioning_stays_below_the_limit() -> None:
     robot = FakeRobot(SETTINGS, nut_m=0.002)
     seen: list[float] = []
     robot.on_tick = lambda: seen.append(robot.voltage_v * robot.current_a)
-    result, log = flown(robot, MissionPlan("strong", (HopPlan(25.0),)))
+    result, log = flown(robot, MissionPlan("strong", (HopPlan(20.0),)))
     assert result.completed
     start, end = (
         next(t for topic, t, p in log.entries if topic == "state" and p["to"] == phase)
@@ -289,7 +289,7 @@ def test_the_drive_of_a_stiffer_rig_is_flown_with_its_own_settings() -> None:
     times = []
     for settings in (SETTINGS, slow):
         robot, log = FakeRobot(settings, nut_m=0.0), ListLog()
-        fly(fake_board(robot), settings, MissionPlan("m", (HopPlan(6.0),)), log)
+        fly(fake_board(robot), settings, MissionPlan("m", (HopPlan(3.0),)), log)
         at = {p["to"]: t for topic, t, p in log.entries if topic == "state"}
         times.append(at["hold"] - at["tensioning"])
     assert 1.5 < times[1] / times[0] < 2.1
