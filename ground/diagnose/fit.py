@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.gauss_newton import minimise
-from ground.diagnose.problem import PRECISE_TOLERANCE, FitProblem, Ranges
+from ground.diagnose.problem import PRECISE_TOLERANCE, FitProblem, Ranges, head_of
 from ground.diagnose.segments import Segment
 from sim_hal.plant.simulate import Plant
 
@@ -48,12 +48,15 @@ def fit_plant(
     tolerance: float = 1e-4,
     iterations: int = 25,
     precise: bool = False,
+    approach: Sequence[float] = (),
 ) -> Fit:
     """Fit `plant` to all segments together; `known` are values to start from.
 
     `tolerance` is the relative gain in chi-square below which the fit is done. Parameter sigmas are
     cluster-robust (see `robust_covariance`); those of a `precise` fit may be believed also where parameters are
-    told apart by their tolerances alone.
+    told apart by their tolerances alone. `approach` gives shares of each segment that are fitted first, each fit
+    the start of the next: what comes early is told by few parameters, and what follows is then nearly right, where
+    a fit of the whole at once may end in a false minimum.
     """
     problem = FitProblem(plant, segments, sigmas, ranges)
     prior = np.array([1.0 if free.prior else 0.0 for free in problem.free])
@@ -65,7 +68,13 @@ def fit_plant(
     def slope(z: Float, base: Float) -> Float:
         return np.vstack([problem.sensitivities(z, base[:rows]), np.diag(prior)])
 
-    z = problem.start(known or {})
+    near = dict(known or {})
+    for share in approach:
+        heads = [head_of(segment, share) for segment in segments]
+        near = fit_plant(
+            plant, heads, sigmas, ranges, near, tolerance=tolerance, iterations=iterations
+        ).values
+    z = problem.start(near)
     low, high = np.array([free.bounds() for free in problem.free]).reshape(-1, 2).T
     z, residuals, jacobian = minimise(cost, slope, z, low, high, tolerance=tolerance, iterations=iterations)
     residuals, jacobian = residuals[:rows], jacobian[:rows]

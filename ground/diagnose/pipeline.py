@@ -38,6 +38,8 @@ Progress = Callable[[str], None]
 HELD_OUT_SHARE = 0.25
 """Last part of a single recording that the fit never sees."""
 LEAST_SAMPLES = 50
+APPROACH = (0.15, 0.3)
+"""Shares of each recording that the refit begins with (see `fit_plant`)."""
 
 
 class DiagnosisError(ValueError):
@@ -115,7 +117,12 @@ def diagnose(
     """
     data = prepare(recordings, plant)
     progress("refitting the plant's own parameters")
-    refit = fit_plant(plant, data.windows, data.sigmas, {}, tolerance=FINAL_TOLERANCE, precise=True)
+    refit = fit_plant(
+        *(plant, data.windows, data.sigmas, {}),
+        tolerance=FINAL_TOLERANCE,
+        precise=True,
+        approach=APPROACH,
+    )
     scales = find_scales(refit, data.windows)
     progress("locating what is missing")
     forces = locate(refit, data.whole[0], data.sigmas, scales)

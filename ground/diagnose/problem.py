@@ -213,7 +213,7 @@ def limited(plant: Plant, segments: Sequence[Segment], tolerance: float) -> Comp
     return replace(compiled, tolerances=compiled.tolerances._replace(steps=most))
 
 
-def head_of(segment: Segment) -> Segment:
-    """The first samples of a segment: what an open initial state may be read from."""
-    run = head_of_run(segment.run)
+def head_of(segment: Segment, share: float = 0.03) -> Segment:
+    """The first share of a segment; the default is what an open initial state may be read from."""
+    run = head_of_run(segment.run, share)
     return replace(segment, run=run, observed=segment.observed[: run.times_s.size])
