@@ -1,30 +1,89 @@
-"""Which effects compete, where they may enter, and from which values their fits start."""
+"""What may be missing: effects and sensor faults where they can act, with the starts of their fits."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Protocol
 
+from ground.diagnose.result import Estimate, FindingKind
 from sim_hal.plant.compose import place_units
+from sim_hal.plant.effects.base import Form
+from sim_hal.plant.expressions import parse, to_text
 from sim_hal.plant.plant import check_use, find_effect
 from sim_hal.plant.simulate import Effect, EffectUse, Parameter, Plant, catalogue, prior
 
 Scales = Mapping[str, Mapping[str, float]]
 """By balance equation or channel: the scales F, V, X, T, M, Y that effects' ranges are written in."""
 
-SHAPE_STARTS = (1.0, 4.0)
+SHAPE_STARTS = (0.25, 1.0, 4.0)
 """Starts of a shape parameter (a width, a characteristic speed), as multiples of its own start value."""
+PLACE_STARTS = (0.15, 0.325, 0.5, 0.675, 0.85)
+"""Starts of a parameter whose range spans zero or a stretch of travel, as shares of that range."""
+NARROW = 20.0
+"""A range whose ends are closer than this factor is a stretch to be searched evenly."""
+BUILT_IN = ("drive", "hop", "axis", "drop")
+
+
+class Candidate(Protocol):
+    """One explanation that competes.
+
+    `key` tells it from all others: the prefix of its parameters in the plant. `starts` is how many starts its fit may
+    try, `parameters` how many a fit is free to choose beyond the plant's own.
+    """
+
+    @property
+    def physics_id(self) -> str: ...
+    @property
+    def kind(self) -> FindingKind: ...
+    @property
+    def equation(self) -> str: ...
+    @property
+    def channel(self) -> str | None: ...
+    @property
+    def key(self) -> str: ...
+    @property
+    def two_sided(self) -> bool: ...
+    @property
+    def starts(self) -> int: ...
+    @property
+    def parameters(self) -> int: ...
+
+    def joined(self, plant: Plant, start: int = 0) -> Plant:
+        """The plant with this in it, from one of its starts."""
+
+    def removed(self, plant: Plant) -> Plant:
+        """The plant without it."""
+
+    def strengths(self) -> tuple[str, ...]:
+        """Flat names of the parameters that are zero where it is absent."""
+
+    def estimates(
+        self, plant: Plant, values: Mapping[str, float], std: Mapping[str, float]
+    ) -> dict[str, Estimate]:
+        """Its parameters by own name, as a fit found them."""
+
+    def statement(self, estimates: Mapping[str, Estimate]) -> str:
+        """One sentence for a person, with the effect's size."""
+
+    def formula(self, plant: Plant) -> str:
+        """The law, in the catalogue's symbols."""
+
+
+def label_of(candidate: Candidate) -> str:
+    """For people: what a candidate is and where it enters."""
+    place = candidate.channel or candidate.equation
+    return f"{candidate.physics_id.replace('_', ' ')} ({place.replace('_', ' ')})"
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """One effect in one place. `uses` are the starts that its fit tries; `own_strengths` are 0 when it is absent."""
+class EffectCandidate:
+    """An effect of the catalogue in one place. `uses` are its starts; `own_strengths` are 0 when it is absent."""
 
     effect: Effect
-    equation: str
-    channel: str | None
+    key: str
     uses: tuple[EffectUse, ...]
     own_strengths: tuple[str, ...]
     two_sided: bool
@@ -35,42 +94,93 @@ class Candidate:
         return self.effect.physics_id
 
     @property
+    def kind(self) -> FindingKind:
+        """Whether the plant lacks it or a channel lies."""
+        return "sensor" if self.effect.kind == "sensor" else "physics"
+
+    @property
+    def equation(self) -> str:
+        """The equation it enters."""
+        return self.uses[0].equation
+
+    @property
+    def channel(self) -> str | None:
+        """The channel that lies, of a sensor fault."""
+        return self.uses[0].channel
+
+    @property
+    def starts(self) -> int:
+        """How many starts its fit may try."""
+        return len(self.uses)
+
+    @property
     def parameters(self) -> int:
         """Number of parameters that a fit is free to choose."""
         return sum(math.isinf(parameter.std) for parameter in self.uses[0].parameters.values())
 
-    @property
-    def place(self) -> str:
-        """The channel or balance equation it enters."""
-        return self.channel or self.equation
+    def joined(self, plant: Plant, start: int = 0) -> Plant:
+        """The plant with the effect."""
+        return plant.with_effect(self.uses[start])
 
-    @property
-    def label(self) -> str:
-        """For people: the effect and where it enters."""
-        return f"{self.physics_id.replace('_', ' ')} ({self.place.replace('_', ' ')})"
+    def removed(self, plant: Plant) -> Plant:
+        """The plant without the effect."""
+        return replace(plant, effects=tuple(use for use in plant.effects if plant.prefix(use) != self.key))
 
-    def strengths(self, plant: Plant) -> tuple[str, ...]:
-        """Flat names of the strengths in a plant."""
-        prefix = plant.prefix(self.uses[0])
-        return tuple(f"{prefix}.{name}" for name in self.own_strengths)
+    def strengths(self) -> tuple[str, ...]:
+        """Flat names of the strengths."""
+        return tuple(f"{self.key}.{name}" for name in self.own_strengths)
 
-    def weakened(self, use: EffectUse, share: float) -> EffectUse:
-        """The same use with its strengths scaled down."""
-        parameters = {
-            name: replace(p, value=p.value * share) if name in self.own_strengths else p
-            for name, p in use.parameters.items()
+    def estimates(
+        self, plant: Plant, values: Mapping[str, float], std: Mapping[str, float]
+    ) -> dict[str, Estimate]:
+        """Fitted parameters by own name; a constant of the effect has sigma 0."""
+        stored = {name: p for name, p in plant.flat().items() if name.startswith(self.key + ".")}
+        return {
+            flat.removeprefix(self.key + "."): Estimate(values.get(flat, p.value), std.get(flat, 0.0), p.unit)
+            for flat, p in stored.items()
         }
-        return replace(use, parameters=parameters)
+
+    def statement(self, estimates: Mapping[str, Estimate]) -> str:
+        """The effect's sentence, sizes with sigma and unit."""
+        sizes = {
+            name: f"{e.value:.3g} ± {e.std:.1g} {e.unit if e.unit != '1' else ''}".rstrip()
+            for name, e in estimates.items()
+        }
+        return self.effect.sentence.format(**sizes)
+
+    def formula(self, plant: Plant) -> str:
+        """The effect's law in the form in which it acts here."""
+        return formula_text(check_use(plant, self.uses[0]))
 
 
-def candidates(plant: Plant, scales: Scales) -> tuple[Candidate, ...]:
+def formula_text(form: Form) -> str:
+    """A form's law as text."""
+    if form.dry:
+        forward, backward = (to_text(parse(text)) for text in form.dry)
+        if forward == backward:
+            return f"-({forward}) * sign(v); at v = 0 any force up to that"
+        return f"-({forward}) forward, +({backward}) backward; at v = 0 any force up to that"
+    if form.sensor or form.delay:
+        return to_text(parse(form.sensor)) if form.sensor else "y(t - delay)"
+    if form.inertia:
+        return f"-({to_text(parse(form.inertia))}) * rate(v)"
+    parts = [to_text(parse(form.force))] if form.force else []
+    parts += [f"{port} + ({text})" for port, text in form.terms.items()]
+    parts += [f"{port} * ({text})" for port, text in form.factors.items()]
+    parts += [f"d{name}/dt = {state.rate}" for name, state in form.states.items()]
+    return "; ".join(parts)
+
+
+def effect_candidates(plant: Plant, scales: Scales) -> tuple[EffectCandidate, ...]:
     """Every effect of the catalogue in every place of the plant where it can act and does not yet."""
     present = {plant.prefix(use) for use in plant.effects}
-    found: list[Candidate] = []
+    found: list[EffectCandidate] = []
     for effect in catalogue().values():
         for equation, channel in plant.places(effect):
             use = EffectUse(effect.physics_id, equation, channel, {})
             if plant.prefix(use) in present or (channel is not None and channel not in scales):
+                continue
+            if plant.kind in BUILT_IN and not at_home(effect, use, plant):
                 continue
             candidate = candidate_at(effect, use, plant, scales)
             if candidate is not None:
@@ -78,7 +188,12 @@ def candidates(plant: Plant, scales: Scales) -> tuple[Candidate, ...]:
     return tuple(found)
 
 
-def candidate_at(effect: Effect, use: EffectUse, plant: Plant, scales: Scales) -> Candidate | None:
+def at_home(effect: Effect, use: EffectUse, plant: Plant) -> bool:
+    """Whether an effect enters where the taxonomy puts it, or the plant has only one place to enter."""
+    return effect.kind == "sensor" or use.equation == effect.equation or len(plant.structure.balances) == 1
+
+
+def candidate_at(effect: Effect, use: EffectUse, plant: Plant, scales: Scales) -> EffectCandidate | None:
     """One effect in one place with its starts; None where it cannot act."""
     form = (
         effect.forms[0]
@@ -96,11 +211,10 @@ def candidate_at(effect: Effect, use: EffectUse, plant: Plant, scales: Scales) -
     units = place_units(plant, use, form)
     shapes = [p.name for p in form.parameters if not p.strength and not p.constant]
     uses = []
-    for factors in product(SHAPE_STARTS, repeat=len(shapes[:1])):
-        values = {name: start for name, (start, _, _) in ranges.items()}
-        for name, factor in zip(shapes[:1], factors, strict=True):
-            _, low, high = ranges[name]
-            values[name] = min(max(values[name] * factor, low), high)
+    for shape in product(*(starts_of(*ranges[name]) for name in shapes[:1])):
+        values = {name: start for name, (start, _, _) in ranges.items()} | dict(
+            zip(shapes, shape, strict=False)
+        )
         parameters = {
             p.name: Parameter(values[p.name], 0.0 if p.constant else math.inf, units[p.name])
             for p in form.parameters
@@ -108,7 +222,14 @@ def candidate_at(effect: Effect, use: EffectUse, plant: Plant, scales: Scales) -
         uses.append(replace(use, parameters=parameters))
     check_use(plant, uses[0])
     two_sided = all(ranges[name][1] < 0.0 for name in strengths)
-    return Candidate(effect, use.equation, use.channel, tuple(uses), strengths, two_sided)
+    return EffectCandidate(effect, plant.prefix(use), tuple(uses), strengths, two_sided)
+
+
+def starts_of(start: float, low: float, high: float) -> Sequence[float]:
+    """Where the search of a shape parameter begins: a size is searched by factors, a place evenly."""
+    if low <= 0.0 or high < NARROW * low:
+        return [low + share * (high - low) for share in PLACE_STARTS]
+    return sorted({min(max(start * factor, low), high) for factor in SHAPE_STARTS})
 
 
 def scales_at(use: EffectUse, plant: Plant, scales: Scales) -> dict[str, float]:

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from ground.diagnose.candidates import Candidate
 from ground.diagnose.evidence import LocatedForce
 from ground.diagnose.fit import Fit
-from ground.diagnose.name import Chosen, Named
-from ground.diagnose.result import Alternative, Estimate, Finding, Interval, Verdict
+from ground.diagnose.name import Chosen, Named, likelihood_here
+from ground.diagnose.result import Alternative, Finding, Interval, Verdict
 from ground.diagnose.segments import Segment
-from sim_hal.plant.expressions import parse, to_text
-from sim_hal.plant.plant import check_use
 
 Float = NDArray[np.float64]
 
@@ -48,11 +46,11 @@ def finding_of(
 ) -> Finding:
     """One effect in the contract's terms."""
     candidate = chosen.candidate
-    values, parameters = estimates(candidate, fit)
-    rivals = [(c, w * chosen.probability_better) for c, w in chosen.weights]
+    parameters = candidate.estimates(fit.plant, fit.values, fit.std)
+    rivals = shared_with_twins(chosen, fit)
     own = next(w for c, w in rivals if c is candidate)
     return Finding(
-        kind="sensor" if candidate.effect.kind == "sensor" else "physics",
+        kind=candidate.kind,
         phase=phase_of(candidate, fit),
         equation=candidate.equation,
         channels=channels_of(candidate, fit, refit),
@@ -61,37 +59,26 @@ def finding_of(
         physics_id=candidate.physics_id,
         probability=own,
         alternatives=tuple(Alternative(c.physics_id, w) for c, w in rivals if c is not candidate),
-        statement=with_units(candidate, values, parameters),
-        formula=formula_of(candidate, fit),
+        statement=candidate.statement(parameters),
+        formula=candidate.formula(fit.plant),
         parameters=parameters,
     )
 
 
-def estimates(candidate: Candidate, fit: Fit) -> tuple[dict[str, float], dict[str, Estimate]]:
-    """Fitted parameters of an effect by own name: plain values, and with sigma and unit."""
-    use = candidate.uses[0]
-    prefix = fit.plant.prefix(use)
-    stored = {name: p for name, p in fit.plant.flat().items() if name.startswith(prefix + ".")}
-    found = {}
-    for flat, parameter in stored.items():
-        name = flat.removeprefix(prefix + ".")
-        value = fit.values.get(flat, parameter.value)
-        found[name] = Estimate(value, fit.std.get(flat, 0.0), parameter.unit)
-    return {name: estimate.value for name, estimate in found.items()}, found
-
-
-def with_units(candidate: Candidate, values: dict[str, float], parameters: dict[str, Estimate]) -> str:
-    """The effect's sentence for a person, sizes with sigma and unit."""
-    sizes = {
-        name: f"{e.value:.3g} ± {e.std:.1g} {e.unit if e.unit != '1' else ''}".rstrip()
-        for name, e in parameters.items()
-    }
-    return candidate.effect.sentence.format(**sizes)
+def shared_with_twins(chosen: Chosen, fit: Fit) -> list[tuple[Candidate, float]]:
+    """Probabilities of the effect, its rivals and its twins, largest first; twins share by their prior odds."""
+    alike = (chosen.candidate, *chosen.twins)
+    odds = [likelihood_here(candidate, fit.plant) for candidate in alike]
+    shares = [(c, w * chosen.probability_better) for c, w in chosen.weights]
+    own = next(w for c, w in shares if c is chosen.candidate)
+    found = [(c, w) for c, w in shares if c is not chosen.candidate]
+    found += [(c, own * odd / sum(odds)) for c, odd in zip(alike, odds, strict=True)]
+    return sorted(found, key=lambda item: -item[1])
 
 
 def phase_of(candidate: Candidate, fit: Fit) -> str:
     """The phase of the taxonomy that an effect shows in."""
-    if candidate.effect.kind == "sensor" or fit.plant.kind not in ("drive", "hop"):
+    if candidate.kind == "sensor" or fit.plant.kind not in ("drive", "hop"):
         return "whole_run"
     return "tensioning" if fit.plant.kind == "drive" else PHASES.get(candidate.equation, "whole_run")
 
@@ -158,31 +145,6 @@ def regime_of(candidate: Candidate, forces: Sequence[LocatedForce]) -> str:
     if share < 0.2:
         return "The missing force of this equation follows none of speed, position, load or time alone."
     return f"Before the extension, {cause} alone explains {share:.0%} of this equation's missing force."
-
-
-def formula_of(candidate: Candidate, fit: Fit) -> str:
-    """The effect's formula, in the catalogue's symbols."""
-    form = check_use(
-        fit.plant,
-        next(u for u in fit.plant.effects if fit.plant.prefix(u) == fit.plant.prefix(candidate.uses[0])),
-    )
-    if form.dry:
-        forward, backward = (to_text(parse(text)) for text in form.dry)
-        law = (
-            f"-({forward}) * sign(v)"
-            if forward == backward
-            else f"-({forward}) forward, +({backward}) backward"
-        )
-        return f"{law}; at v = 0 any force up to that"
-    if form.sensor or form.delay:
-        return to_text(parse(form.sensor)) if form.sensor else "y(t - delay)"
-    if form.inertia:
-        return f"-({to_text(parse(form.inertia))}) * rate(v)"
-    parts = [to_text(parse(form.force))] if form.force else []
-    parts += [f"{port} + ({text})" for port, text in form.terms.items()]
-    parts += [f"{port} * ({text})" for port, text in form.factors.items()]
-    parts += [f"d{name}/dt = {state.rate}" for name, state in form.states.items()]
-    return "; ".join(parts)
 
 
 def verdict_of(findings: Sequence[Finding], fit: Fit, segments: Sequence[Segment]) -> Verdict:

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.diagnose.gauss_newton import minimise
-from ground.diagnose.problem import PRECISE_TOLERANCE, FitProblem, Ranges, head_of
+from ground.diagnose.gauss_newton import Columns, minimise
+from ground.diagnose.problem import PRECISE_TOLERANCE, FitProblem, Free, Ranges, head_of
 from ground.diagnose.segments import Segment
 from sim_hal.plant.simulate import Plant
 
@@ -22,9 +22,14 @@ LEAST_INFORMATION = 1e-12
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted plant. `z` are the scaled unknowns, `residuals` the standardised ones of all segments, stacked."""
+    """A fitted plant. `free` says what the scaled unknowns `z` are.
+
+    `residuals` (standardised) and `jacobian` are those of all segments, stacked; a rough fit's Jacobian may be that
+    of a point nearby.
+    """
 
     plant: Plant
+    free: tuple[Free, ...]
     values: dict[str, float]
     std: dict[str, float]
     z: Float
@@ -36,6 +41,29 @@ class Fit:
     def chi2(self) -> float:
         """Sum of squared standardised residuals, without the priors."""
         return float(self.residuals @ self.residuals)
+
+    @property
+    def prior(self) -> Float:
+        """Weight of each unknown's prior, (unknowns,): 1 with a tolerance, 0 without."""
+        return np.array([1.0 if free.prior else 0.0 for free in self.free])
+
+    @property
+    def cost(self) -> float:
+        """What the fit minimised: chi-square and the squared departures from the tolerances' centres."""
+        return self.chi2 + float(self.prior @ self.z**2)
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Unknowns that their limits hold, (unknowns,)."""
+        low, high = bounds_of(self.free)
+        slope = self.jacobian.T @ self.residuals + self.prior * self.z
+        return ((self.z <= low) & (slope > 0.0)) | ((self.z >= high) & (slope < 0.0))
+
+
+def bounds_of(free: Sequence[Free]) -> tuple[Float, Float]:
+    """Scaled lower and upper limits, (unknowns,) each."""
+    low, high = np.array([one.bounds() for one in free]).reshape(-1, 2).T
+    return low, high
 
 
 def fit_plant(
@@ -49,6 +77,8 @@ def fit_plant(
     iterations: int = 25,
     precise: bool = False,
     approach: Sequence[float] = (),
+    near: Fit | None = None,
+    rough: bool = False,
 ) -> Fit:
     """Fit `plant` to all segments together; `known` are values to start from.
 
@@ -56,7 +86,8 @@ def fit_plant(
     cluster-robust (see `robust_covariance`); those of a `precise` fit may be believed also where parameters are
     told apart by their tolerances alone. `approach` gives shares of each segment that are fitted first, each fit
     the start of the next: what comes early is told by few parameters, and what follows is then nearly right, where
-    a fit of the whole at once may end in a false minimum.
+    a fit of the whole at once may end in a false minimum. A fit `near` by (on the same segments) lends its unknowns
+    and sensitivities; a `rough` one stops where these no longer bring progress.
     """
     problem = FitProblem(plant, segments, sigmas, ranges)
     prior = np.array([1.0 if free.prior else 0.0 for free in problem.free])
@@ -65,19 +96,27 @@ def fit_plant(
     def cost(z: Float) -> Float:
         return np.concatenate([problem.residuals(z), prior * z])
 
-    def slope(z: Float, base: Float) -> Float:
-        return np.vstack([problem.sensitivities(z, base[:rows]), np.diag(prior)])
+    def slope(z: Float, base: Float, columns: Columns) -> Float:
+        return np.vstack([problem.sensitivities(z, base[:rows], columns), np.diag(prior)[:, columns]])
 
-    near = dict(known or {})
+    start = dict(known or {})
     for share in approach:
         heads = [head_of(segment, share) for segment in segments]
-        near = fit_plant(
-            plant, heads, sigmas, ranges, near, tolerance=tolerance, iterations=iterations
+        start = fit_plant(
+            plant, heads, sigmas, ranges, start, tolerance=tolerance, iterations=iterations
         ).values
-    z = problem.start(near)
-    low, high = np.array([free.bounds() for free in problem.free]).reshape(-1, 2).T
-    z, residuals, jacobian = minimise(cost, slope, z, low, high, tolerance=tolerance, iterations=iterations)
-    residuals, jacobian = residuals[:rows], jacobian[:rows]
+    z = problem.start((near.values if near else {}) | start, near.initial if near else ())
+    low, high = bounds_of(problem.free)
+    inherited, own = lent(near, problem.free, prior) if near else (None, None)
+    least = minimise(
+        *(cost, slope, z, low, high),
+        tolerance=tolerance,
+        iterations=iterations,
+        inherited=inherited,
+        own=own,
+        rough=rough,
+    )
+    z, residuals, jacobian = least.z, least.residuals[:rows], least.jacobian[:rows]
     if precise:
         exact = FitProblem(plant, segments, sigmas, ranges, tolerance=PRECISE_TOLERANCE)
         residuals, jacobian = exact.residuals(z), exact.precise_sensitivities(z)
@@ -85,6 +124,7 @@ def fit_plant(
     named = [i for i, free in enumerate(problem.free) if free.segment is None]
     return Fit(
         plant=problem.plant,
+        free=tuple(problem.free),
         values={
             problem.free[i].name: float(problem.free[i].centre + problem.free[i].scale * z[i]) for i in named
         },
@@ -94,6 +134,20 @@ def fit_plant(
         jacobian=jacobian,
         initial=tuple(problem.initial(z, number) for number in range(len(problem.segments))),
     )
+
+
+def lent(near: Fit, free: Sequence[Free], prior: Float) -> tuple[Float, Columns]:
+    """A fit's Jacobian, with prior rows, in the unknowns of another one beside it, and the columns it lacks."""
+    have = {(one.name, one.segment): (i, one) for i, one in enumerate(near.free)}
+    jacobian = np.zeros((near.residuals.size, len(free)))
+    own = []
+    for column, one in enumerate(free):
+        if (one.name, one.segment) in have:
+            i, old = have[(one.name, one.segment)]
+            jacobian[:, column] = near.jacobian[:, i] * (one.scale / old.scale)
+        else:
+            own.append(column)
+    return np.vstack([jacobian, np.diag(prior)]), np.array(own, dtype=np.intp)
 
 
 def robust_covariance(jacobian: Float, residuals: Float, prior: Float, problem: FitProblem) -> Float:

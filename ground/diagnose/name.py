@@ -1,10 +1,10 @@
-"""Name what is missing: every effect competes on equal terms, and what wins must win where it was not fitted.
+"""Name what is missing: every explanation competes on equal terms, and what wins must win where it was not fitted.
 
-Forward from the refitted plant: each round screens all effects by score test, fits the best few in full, and compares
-them, with the plant as it stands, on segments left out in turn. The best joins when it predicts better with
-probability `ACCEPT`. Two effects can stand in for each other until a third is known, so after each round every effect
-that joined earlier may be replaced by a rival of its round. At the end each is set against its rivals once more, with
-all the others in place: that contest gives the probabilities.
+Forward from the refitted plant: each round screens all candidates by score test, fits the best few in full, and
+compares them, with the plant as it stands, on recordings left out in turn. The best joins when it predicts better,
+with probability `ACCEPT`. Two effects can stand in for each other until a third is known, so after each round every
+effect that joined earlier may be replaced by a rival. At the end each is set against its rivals once more, with all
+the others in place: that contest gives the probabilities.
 """
 
 from __future__ import annotations
@@ -15,42 +15,62 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.diagnose.candidates import Candidate, candidates
-from ground.diagnose.crossval import HeldOut, in_sample
+from ground.diagnose.candidates import Candidate, EffectCandidate, effect_candidates, label_of
+from ground.diagnose.crossval import HeldOut, cross_validate, in_sample
 from ground.diagnose.fit import Fit
+from ground.diagnose.released import ReleasedParameter, released_parameters
 from ground.diagnose.scoring import effective_share, model_weights, probability_better
-from ground.diagnose.screen import screen
-from ground.diagnose.workers import FitTask, Workers, fit_job, validate_job
+from ground.diagnose.screen import Promise, promises_job, trial_job
+from ground.diagnose.workers import FitTask, Workers, fit_job
 from sim_hal.plant.simulate import Plant
 
 Float = NDArray[np.float64]
 Progress = Callable[[str], None]
+Fitted = list[tuple[Candidate, Fit]]
 
 ACCEPT = 0.95
-SCREENED = 5
+TRIED = 16
+"""Starts whose promise is put to the test by one simulation."""
+SCREENED = 6
 """Candidates that get a full fit in each round."""
+STARTS = 2
+"""Starts of each candidate that are fitted at the most."""
 RIVALS = 3
-"""Fitted candidates that go on to cross-validation at the most."""
-CLOSE = 2.0
-"""Fitted candidates within this factor of the best one's chi-square go on to cross-validation."""
+"""Rivals of the best candidate that are compared with it, and that may replace it later."""
 MOST_EFFECTS = 6
 STRENGTH_SIGMAS = 3.0
 """An effect whose strength is not this many of its own sigmas from zero is not identified."""
 WORTHWHILE = 0.01
-"""Least share of the remaining squared residual that an effect must remove where it was not fitted."""
+"""Least share of the remaining squared residual that an effect must remove where it was not fitted ..."""
+OF_EXCESS = 0.1
+"""... or else of what exceeds the sensors' noise, ..."""
+NATS = 10.0
+"""... and then with at least this gain in log predictive density."""
 CLEARLY = 0.9
 """A rival replaces an effect when its chi-square is below this share of the present one's."""
+HOPELESS = 30.0
+"""A candidate this many units of log density behind the best is no rival."""
+SAME = 0.9999
+"""Two candidates whose effects on the residuals correlate this closely cannot be told apart by these recordings."""
+
+
+ELSEWHERE = ("ballistic", "ground_contact", "body_momentum", "leg_momentum", "latch")
+ELSEWHERE_ODDS = 0.1
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """An effect in the extended plant: its rivals with their weights, and what the plant is like without it."""
+    """An effect in the extended plant, its rivals with their weights, and what the plant is like without it.
+
+    `twins` act alike on these recordings: nothing but where they usually occur speaks for one of them.
+    """
 
     candidate: Candidate
     probability_better: float
     rivals: tuple[Candidate, ...]
-    weights: tuple[tuple[Candidate, float], ...]
-    chi2_without: float
+    twins: tuple[Candidate, ...]
+    weights: tuple[tuple[Candidate, float], ...] = ()
+    chi2_without: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -65,10 +85,11 @@ class Named:
 class Search:
     """Forward selection of effects on given segments, with replacement."""
 
-    def __init__(self, workers: Workers, progress: Progress) -> None:
+    def __init__(self, workers: Workers, progress: Progress, given: Plant) -> None:
         self.workers = workers
         self.progress = progress
-        self._held_out: dict[tuple[str, ...], HeldOut] = {}
+        self.given = given
+        self._twins: dict[str, tuple[Candidate, ...]] = {}
 
     def run(self, refit: Fit) -> Named:
         """Add effects one by one until none predicts better."""
@@ -79,71 +100,119 @@ class Search:
             best, refused = self.best_of(current, fits)
             if best is None:
                 break
-            self.progress(f"found {best.candidate.label}")
+            self.progress(f"found {label_of(best.candidate)}")
             current = next(fit for candidate, fit in fits if candidate is best.candidate)
             chosen.append(best)
             current, chosen = self.replace_earlier(current, chosen)
         if chosen:
             self.progress("settling the extended plant")
-            task = FitTask(current.plant, current.values, final=True)
-            (current,) = self.workers.map(fit_job, [task])
+            (current,) = self.fitted([FitTask(current.plant, current, current.values, "final")])
         final = tuple(self.contest(current, one) for one in chosen)
         return Named(current, final, refused)
 
-    def fit_best(self, current: Fit) -> list[tuple[Candidate, Fit]]:
-        """The candidates that the residuals ask for most, each fitted in full with the plant as it stands."""
+    def fitted(self, tasks: Sequence[FitTask]) -> list[Fit]:
+        """Fits in the order of the tasks."""
+        return list(self.workers.map(fit_job, tasks))
+
+    def fit_best(self, current: Fit) -> Fitted:
+        """The candidates that the residuals ask for most, each fitted with the plant as it stands, best first."""
         self.progress("screening all effects")
+        leaders = self.leaders(current)
+        names = dict.fromkeys(label_of(promise.candidate) for promise in leaders)
+        if not leaders:
+            return []
+        self.progress(f"fitting {', '.join(names)}")
+        tasks = [FitTask(p.candidate.joined(current.plant, p.start), current, p.values) for p in leaders]
+        best: dict[str, tuple[Candidate, Fit]] = {}
+        for promise, fit in zip(leaders, self.fitted(tasks), strict=True):
+            key = promise.candidate.key
+            if key not in best or fit.cost < best[key][1].cost:
+                best[key] = (promise.candidate, fit)
+        return self.polished(sorted(best.values(), key=lambda pair: pair[1].chi2))
+
+    def polished(self, fits: Fitted) -> Fitted:
+        """The best fit and its rivals with sensitivities of their own, best first; the hopeless as they are."""
+        share = self.share(fits[0][1])
+        least = self.total(fits[0][1], fits[0][1], share)
+        close = [pair for pair in fits if self.total(pair[1], fits[0][1], share) > least - HOPELESS]
+        close = close[: RIVALS + 1]
+        tasks = [FitTask(fit.plant, fit, fit.values, "polish") for _, fit in close]
+        done = [(candidate, fit) for (candidate, _), fit in zip(close, self.fitted(tasks), strict=True)]
+        rest = [pair for pair in fits if all(pair[0] is not candidate for candidate, _ in close)]
+        return sorted(done, key=lambda pair: pair[1].chi2) + rest
+
+    def leaders(self, current: Fit) -> list[Promise]:
+        """The most promising starts of the most promising candidates; twins are set aside with their likes."""
         context = self.workers.context
-        offered = candidates(current.plant, context.scales)
-        best = screen(current, offered, context.segments, context.sigmas)[:SCREENED]
-        self.progress(f"fitting {', '.join(candidate.label for candidate in best)}")
-        tasks = [FitTask(current.plant.with_effect(c.uses[0]), current.values) for c in best]
-        fits = zip(best, self.workers.map(fit_job, tasks), strict=True)
-        return sorted(fits, key=lambda pair: pair[1].chi2)
+        offered: list[Candidate] = [
+            *effect_candidates(current.plant, context.scales),
+            *released_parameters(current.plant, self.given),
+        ]
+        parts = 2 * self.workers.count
+        chunks: list[tuple[Fit, Sequence[Candidate]]] = [(current, offered[i::parts]) for i in range(parts)]
+        found = self.workers.map(promises_job, chunks)
+        promises = sorted((p for some in found for p in some), key=lambda p: -p.gain)[:TRIED]
+        tested = self.workers.map(trial_job, [(current, promise) for promise in promises])
+        ranked = sorted(tested, key=lambda p: -p.gain)
+        kept: dict[str, list[Promise]] = {}
+        for promise in self.without_twins(ranked):
+            own = kept.setdefault(promise.candidate.key, [])
+            if len(own) < STARTS:
+                own.append(promise)
+        return [promise for own in list(kept.values())[:SCREENED] for promise in own]
 
-    def fit_all(self, plants: Sequence[Plant], near: Fit) -> list[Fit]:
-        """Full fits of plants, from the values of a fit nearby."""
-        return list(self.workers.map(fit_job, [FitTask(plant, near.values) for plant in plants]))
-
-    def held_out(self, fits: Sequence[Fit], label: str) -> list[HeldOut]:
-        """Cross-validated residuals of fits; each set of effects is done once."""
-        keys = [tuple(sorted(fit.plant.prefix(use) for use in fit.plant.effects)) for fit in fits]
-        new = {key: fit for key, fit in zip(keys, fits, strict=True) if key not in self._held_out}
-        if new:
-            self.progress(f"cross-validating {label}")
-            found = self.workers.map(validate_job, list(new.values()))
-            self._held_out.update(zip(new, found, strict=True))
-        return [self._held_out[key] for key in keys]
+    def without_twins(self, ranked: Sequence[Promise]) -> list[Promise]:
+        """Of candidates that act alike the likeliest one; the others are remembered as its twins."""
+        kept: list[Promise] = []
+        for promise in sorted(ranked, key=lambda p: -likelihood_here(p.candidate, self.given)):
+            like = next((p for p in kept if abs(p.direction @ promise.direction) > SAME), None)
+            if like is None or like.candidate.key == promise.candidate.key:
+                kept.append(promise)
+                continue
+            twins = self._twins.get(like.candidate.key, ())
+            if all(promise.candidate.key != twin.key for twin in twins):
+                self._twins[like.candidate.key] = (*twins, promise.candidate)
+        return sorted(kept, key=lambda p: -p.gain)
 
     def best_of(
-        self, current: Fit, fits: Sequence[tuple[Candidate, Fit]]
+        self, current: Fit, fits: Fitted
     ) -> tuple[Chosen | None, tuple[tuple[Candidate, float], ...]]:
         """The candidate that joins, or None; and each candidate's probability of predicting better."""
         if not fits:
             return None, ()
-        close = [(candidate, fit) for candidate, fit in fits if fit.chi2 <= CLOSE * fits[0][1].chi2][:RIVALS]
         share = self.share(fits[0][1])
-        label = f"the plant as it stands, {', '.join(candidate.label for candidate, _ in close)}"
-        before, *after = self.held_out([current, *(fit for _, fit in close)], label)
+        before = self.held_out(current)
         tried: list[tuple[Candidate, float]] = []
         able: list[tuple[Candidate, Float]] = []
-        for (candidate, fit), held in zip(close, after, strict=True):
-            better = probability_better(held.scores(share), before.scores(share))
+        for candidate, fit in fits[: RIVALS + 1]:
+            held = self.held_out(fit)
+            scores = held.scores(share)
+            better = probability_better(scores, before.scores(share))
             tried.append((candidate, better))
-            worthwhile = held.mean_square < (1.0 - WORTHWHILE) * before.mean_square
-            if better >= ACCEPT and worthwhile and identified(candidate, fit):
-                able.append((candidate, held.scores(share)))
+            nats = float(np.sum(scores - before.scores(share)))
+            if better >= ACCEPT and worthwhile(before, held, nats) and identified(candidate, fit, self.given):
+                able.append((candidate, scores))
         if not able:
             return None, tuple(tried)
         weights = model_weights(np.vstack([scores for _, scores in able]), [c.parameters for c, _ in able])
         winner = able[int(np.argmax(weights))][0]
-        rivals = tuple(candidate for candidate, _ in close if candidate is not winner)
+        rivals = tuple(candidate for candidate, _ in fits if candidate is not winner)[:RIVALS]
         better = next(p for candidate, p in tried if candidate is winner)
-        return Chosen(winner, better, rivals, (), current.chi2), tuple(tried)
+        return Chosen(winner, better, rivals, self._twins.get(winner.key, ()), (), current.chi2), tuple(tried)
+
+    def held_out(self, fit: Fit) -> HeldOut:
+        """How a fit predicts segments left out of it."""
+        return cross_validate(fit, self.workers.context.segments)
 
     def share(self, fit: Fit) -> Float:
         """Effective samples per sample, by output, as the residuals of the best fit tell them."""
         return effective_share(fit.residuals.reshape(-1, self.workers.context.segments[0].observed.shape[1]))
+
+    def total(self, fit: Fit, best: Fit, share: Float) -> float:
+        """Log density of a fit's residuals at the scale of the best fit's."""
+        segments = self.workers.context.segments
+        residuals = in_sample(fit, segments).residuals
+        return float(np.sum(HeldOut(residuals, in_sample(best, segments).scales).scores(share)))
 
     def replace_earlier(self, current: Fit, chosen: list[Chosen]) -> tuple[Fit, list[Chosen]]:
         """Let a rival take the place of an effect that joined earlier, where the plant then fits clearly better."""
@@ -151,33 +220,47 @@ class Search:
             swapped = self.swapped(current, one)
             if not swapped or swapped[0][1].chi2 >= CLEARLY * current.chi2:
                 continue
-            rival, current = swapped[0]
-            self.progress(f"replacing {one.candidate.label} by {rival.label}")
+            rival = swapped[0][0]
+            ((_, current),) = self.polished(swapped[:1])
+            self.progress(f"replacing {label_of(one.candidate)} by {label_of(rival)}")
             others = tuple(c for c in (one.candidate, *one.rivals) if c is not rival)
-            chosen[number] = replace(one, candidate=rival, rivals=others)
+            twins = self._twins.get(rival.key, ())
+            chosen[number] = replace(one, candidate=rival, rivals=others, twins=twins)
         return current, chosen
 
-    def swapped(self, current: Fit, one: Chosen) -> list[tuple[Candidate, Fit]]:
-        """Full fits with each rival in an effect's place, best first; rivals already in the plant are left out."""
-        prefixes = {current.plant.prefix(use) for use in current.plant.effects}
-        rivals = [c for c in one.rivals if current.plant.prefix(c.uses[0]) not in prefixes]
+    def swapped(self, current: Fit, one: Chosen) -> Fitted:
+        """Fits with each rival in an effect's place, best first; rivals already in the plant are left out."""
+        present = {current.plant.prefix(use) for use in current.plant.effects}
+        rivals = [c for c in one.rivals if c.key not in present]
         if rivals:
-            self.progress(f"trying {', '.join(c.label for c in rivals)} for {one.candidate.label}")
-        plants = [without(current.plant, one.candidate).with_effect(c.uses[0]) for c in rivals]
-        return sorted(zip(rivals, self.fit_all(plants, current), strict=True), key=lambda pair: pair[1].chi2)
+            names = ", ".join(label_of(c) for c in rivals)
+            self.progress(f"trying {names} for {label_of(one.candidate)}")
+        bare = one.candidate.removed(current.plant)
+        tasks = [
+            (c, FitTask(c.joined(bare, start), current, {})) for c in rivals for start in range(c.starts)
+        ]
+        best: dict[str, tuple[Candidate, Fit]] = {}
+        for (c, _), fit in zip(tasks, self.fitted([task for _, task in tasks]), strict=True):
+            if c.key not in best or fit.cost < best[c.key][1].cost:
+                best[c.key] = (c, fit)
+        return sorted(best.values(), key=lambda pair: pair[1].chi2)
 
     def contest(self, final: Fit, one: Chosen) -> Chosen:
         """Weights of one effect and its rivals, with all other effects in place."""
-        absent = self.fit_all([without(final.plant, one.candidate)], final)[0]
-        close = [(c, fit) for c, fit in self.swapped(final, one) if fit.chi2 <= CLOSE * final.chi2][:RIVALS]
-        names = [one.candidate, *(candidate for candidate, _ in close)]
-        held = self.held_out([final, *(fit for _, fit in close)], f"{one.candidate.label} and its rivals")
+        (absent,) = self.fitted([FitTask(one.candidate.removed(final.plant), final, {})])
+        others = self.swapped(final, one)
         share = self.share(final)
-        scores = np.vstack([residuals.scores(share) for residuals in held])
+        least = self.total(final, final, share) - HOPELESS
+        close = self.polished(
+            [(c, fit) for c, fit in others if self.total(fit, final, share) > least] or others[:1]
+        )
+        scores = np.vstack(
+            [self.held_out(final).scores(share), *(self.held_out(f).scores(share) for _, f in close)]
+        )
+        names = [one.candidate, *(candidate for candidate, _ in close)]
         weights = zip(names, map(float, model_weights(scores, [c.parameters for c in names])), strict=True)
         # The plant without the effect is scored on the very data it was fitted to, which can only flatter it.
-        context = self.workers.context
-        lacking = in_sample(absent, context.segments).scores(share)
+        lacking = in_sample(absent, self.workers.context.segments).scores(share)
         return replace(
             one,
             weights=tuple(sorted(weights, key=lambda item: -item[1])),
@@ -186,13 +269,29 @@ class Search:
         )
 
 
-def without(plant: Plant, candidate: Candidate) -> Plant:
-    """The plant with one effect taken out."""
-    prefix = plant.prefix(candidate.uses[0])
-    return replace(plant, effects=tuple(use for use in plant.effects if plant.prefix(use) != prefix))
+def likelihood_here(candidate: Candidate, plant: Plant) -> float:
+    """Prior odds that one of several laws that act alike is the one at work here.
+
+    Something that falls meets air; any other rig with a single balance is more often a mechanism than a body in the
+    air or on soil.
+    """
+    home = candidate.effect.equation if isinstance(candidate, EffectCandidate) else candidate.equation
+    if plant.kind in ("drive", "hop") or home == "sensor":
+        return 1.0
+    falls = plant.kind == "drop"
+    return 1.0 if falls == (home == "ballistic") and (falls or home not in ELSEWHERE) else ELSEWHERE_ODDS
 
 
-def identified(candidate: Candidate, fit: Fit) -> bool:
-    """Whether the effect's strength is told apart from zero by its own fit."""
-    names = candidate.strengths(fit.plant)
-    return any(abs(fit.values[name]) > STRENGTH_SIGMAS * fit.std[name] for name in names)
+def worthwhile(before: HeldOut, after: HeldOut, nats: float) -> bool:
+    """Whether an effect removes enough of what was left where it was not fitted."""
+    removed = before.mean_square - after.mean_square
+    excess = before.mean_square - 1.0
+    return removed > WORTHWHILE * before.mean_square or (removed > OF_EXCESS * excess and nats > NATS)
+
+
+def identified(candidate: Candidate, fit: Fit, given: Plant) -> bool:
+    """Whether the effect's strength is told apart from zero (a tolerance: from what was stated) by its own fit."""
+    if isinstance(candidate, ReleasedParameter):
+        away = abs(fit.values[candidate.key] - candidate.stated)
+        return away > STRENGTH_SIGMAS * max(candidate.tolerance, fit.std[candidate.key])
+    return any(abs(fit.values[name]) > STRENGTH_SIGMAS * fit.std[name] for name in candidate.strengths())

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ground.diagnose.candidates import label_of
 from ground.diagnose.compare import compare_with
 from ground.diagnose.evidence import Evidence, LocatedForce
 from ground.diagnose.findings import findings_of, next_run, verdict_of
@@ -127,7 +128,7 @@ def diagnose(
     progress("locating what is missing")
     forces = locate(refit, data.whole[0], data.sigmas, scales)
     with Workers(data.windows, data.sigmas, scales, processes) as workers:
-        named = Search(workers, progress).run(refit)
+        named = Search(workers, progress, plant).run(refit)
     progress("verifying on what was held out")
     refitted = plant.with_values(refit.values)
     extended = settled_plant(named.fit, plant)
@@ -214,7 +215,7 @@ def notes_of(data: Data, refit: Fit, named: Named) -> tuple[str, ...]:
             away = (value - stated[name].value) / stated[name].std
             if abs(away) > PRIOR_REACH - 0.01:
                 notes.append(f"{name} ends at the edge of its tolerance ({away:+.1f} sigma).")
-    refused = ", ".join(f"{candidate.label} ({p:.2f})" for candidate, p in named.refused)
+    refused = ", ".join(f"{label_of(candidate)} ({p:.2f})" for candidate, p in named.refused)
     if refused:
         notes.append(f"Tried last and not taken (probability of predicting better in brackets): {refused}.")
     return tuple(notes)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.diagnose.gauss_newton import minimise
+from ground.diagnose.gauss_newton import Columns, minimise
 from ground.diagnose.segments import Segment, head_of_run
 from sim_hal.plant.simulate import CompiledPlant, Plant, SimulationError, compile_plant
 
@@ -145,13 +145,13 @@ class FitProblem:
         values = self.values(z)
         return np.concatenate([self.segment_residuals(z, i, values) for i in range(len(self.segments))])
 
-    def sensitivities(self, z: Float, base: Float) -> Float:
-        """Derivative of the residuals by each unknown, (rows, unknowns), by one-sided differences."""
-        jacobian = np.zeros((base.size, len(self.free)))
-        for column, free in enumerate(self.free):
-            step = STEP if z[column] + STEP <= free.bounds()[1] else -STEP
-            for rows, moved in self._moved(z, column, step):
-                jacobian[rows, column] = (moved - base[rows]) / step
+    def sensitivities(self, z: Float, base: Float, columns: Columns) -> Float:
+        """Derivative of the residuals by the unknowns `columns`, (rows, columns), by one-sided differences."""
+        jacobian = np.zeros((base.size, columns.size))
+        for place, column in enumerate(columns):
+            step = STEP if z[column] + STEP <= self.free[column].bounds()[1] else -STEP
+            for rows, moved in self._moved(z, int(column), step):
+                jacobian[rows, place] = (moved - base[rows]) / step
         return jacobian
 
     def precise_sensitivities(self, z: Float) -> Float:
@@ -175,22 +175,16 @@ class FitProblem:
             rows = slice(int(self._edges[number]), int(self._edges[number + 1]))
             yield rows, self.segment_residuals(moved, number, values)
 
-    def start(self, known: Mapping[str, float]) -> Float:
-        """Scaled start: the values of an earlier fit where it had them, else the centres."""
+    def start(self, known: Mapping[str, float], initial: Sequence[Mapping[str, float]] = ()) -> Float:
+        """Scaled start: the values and initial states of an earlier fit where it had them, else the centres."""
         z = np.zeros(len(self.free))
         for i, free in enumerate(self.free):
             if free.segment is None and free.name in known:
                 z[i] = (known[free.name] - free.centre) / free.scale
+            elif free.segment is not None and initial:
+                z[i] = (initial[free.segment][free.name] - free.centre) / free.scale
             low, high = free.bounds()
             z[i] = min(max(z[i], low + 1e-9), high - 1e-9)
-        return z
-
-    def start_at(self, initial: Sequence[Mapping[str, float]]) -> Float:
-        """Scaled start with given initial states, (per segment, by name); parameters at their centres."""
-        z = np.zeros(len(self.free))
-        for i, free in enumerate(self.free):
-            if free.segment is not None:
-                z[i] = (initial[free.segment][free.name] - free.centre) / free.scale
         return z
 
     def settle_initial_states(self) -> Float:
@@ -199,7 +193,7 @@ class FitProblem:
         if z.size == 0:
             return z
         none = np.full(z.size, np.inf)
-        return minimise(self.residuals, self.sensitivities, z, -none, none, tolerance=1e-8, iterations=15)[0]
+        return minimise(self.residuals, self.sensitivities, z, -none, none, tolerance=1e-8, iterations=15).z
 
 
 def limited(plant: Plant, segments: Sequence[Segment], tolerance: float) -> CompiledPlant:

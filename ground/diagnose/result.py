@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 Verdict = Literal["mismatch", "consistent", "undecidable"]
+FindingKind = Literal["physics", "sensor", "parameter"]
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Estimate:
 class Finding:
     """One thing that the plant left out, in the contract's terms."""
 
-    kind: Literal["physics", "sensor", "parameter"]
+    kind: FindingKind
     phase: str
     equation: str
     channels: tuple[str, ...]

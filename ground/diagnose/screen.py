@@ -1,68 +1,162 @@
-"""Screen: which effects the residuals ask for, before any of them is fitted in full."""
+"""Screen: which explanations the residuals ask for, before any of them is fitted in full.
+
+Rao's score test with nuisance parameters: the sensitivity of the residuals to the strength at zero, made orthogonal
+to what all that is fitted already can absorb within its tolerances. The most promising are then simulated at the
+strength that the line promises, since some effects (a gap, a stop, a delay) are anything but linear.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.diagnose.candidates import Candidate
+from ground.diagnose.candidates import Candidate, EffectCandidate, ranges_of
 from ground.diagnose.fit import Fit
 from ground.diagnose.problem import FitProblem
-from ground.diagnose.segments import Segment
-from sim_hal.plant.simulate import EffectUse
+from ground.diagnose.released import ReleasedParameter
+from ground.diagnose.workers import Context
 
 Float = NDArray[np.float64]
 
-SAME = 0.9999
-"""Two effects whose sensitivities correlate this closely are one and the same on these recordings."""
 UNFELT = 1e-3
 """An effect that moves no reading by this share of its sigma, at its start's strength, cannot be judged."""
 SMALL = 1e-3
 """Strength at which the derivative is taken, as a share of the candidate's start."""
+SHARES = (1.0, 0.3)
+"""Shares of the promised step that are tried."""
+PRESSED = 2.5
+"""A parameter that the refit leaves within this many tolerances has no reason to be released."""
 
 
-def screen(
-    current: Fit, offered: Sequence[Candidate], segments: Sequence[Segment], sigmas: Float
-) -> list[Candidate]:
-    """Candidates by the drop in chi-square that a linear step in their strength promises, best first.
+@dataclass(frozen=True)
+class Promise:
+    """What one start of a candidate promises: a drop in cost, where (`values`), and how it moves the residuals."""
 
-    The residuals' sensitivity to the strength at zero, made orthogonal to those of all that is fitted already:
-    what the parameters can absorb counts for nothing (Rao's score test with nuisance parameters). Of each
-    candidate's starts the most promising is kept; of candidates that act alike here, the first of the catalogue.
-    """
-    basis, _ = np.linalg.qr(current.jacobian)
-    ranked: list[tuple[float, Candidate, Float]] = []
+    candidate: Candidate
+    start: int
+    gain: float
+    step: Float
+    values: Mapping[str, float]
+    direction: Float
+
+
+class Absorbed:
+    """What the fitted unknowns can absorb: a projection out of their sensitivities, tolerances as prior rows."""
+
+    def __init__(self, fit: Fit, without: int | None = None) -> None:
+        self.fit = fit
+        self.moving = ~fit.held
+        prior = fit.prior.copy()
+        if without is not None:
+            self.moving[without], prior[without] = False, 0.0
+        self._q, self._r = np.linalg.qr(np.vstack([fit.jacobian, np.diag(prior)])[:, self.moving])
+        self.residuals = np.concatenate([fit.residuals, prior * fit.z])
+
+    def out_of(self, slopes: Float) -> Float:
+        """The part of slopes (rows, k) that the unknowns cannot absorb; (rows + unknowns, k)."""
+        padded = np.vstack([slopes, np.zeros((self.fit.z.size, slopes.shape[1]))])
+        return np.asarray(padded - self._q @ (self._q.T @ padded))
+
+    def follow(self, moved: Float) -> Float:
+        """The step of the unknowns, (unknowns,), that best answers a change (rows,) of the residuals."""
+        change = self.residuals.copy()
+        change[: moved.size] += moved
+        step = np.zeros(self.fit.z.size)
+        step[self.moving] = -np.linalg.solve(self._r, self._q.T @ change)
+        return step
+
+
+def promises_job(context: Context, task: tuple[Fit, Sequence[Candidate]]) -> list[Promise]:
+    """What every start of each candidate promises by the score test; those that are not felt here are left out."""
+    fit, offered = task
+    absorbed = Absorbed(fit)
+    found: list[Promise] = []
     for candidate in offered:
-        trials = [
-            (*score_gain(current, use, candidate, segments, sigmas, basis), use) for use in candidate.uses
-        ]
-        gain, direction, use = max(trials, key=lambda trial: trial[0])
-        if gain > 0.0 and not any(abs(direction @ other) > SAME for _, _, other in ranked):
-            ranked.append((gain, replace(candidate, uses=(use,)), direction))
-    return [candidate for _, candidate, _ in sorted(ranked, key=lambda item: -item[0])]
+        if isinstance(candidate, EffectCandidate):
+            tried = [effect_promise(context, absorbed, candidate, start) for start in range(candidate.starts)]
+            found += [promise for promise in tried if promise is not None]
+        elif isinstance(candidate, ReleasedParameter):
+            found += release_promise(fit, candidate)
+    return found
 
 
-def score_gain(
-    current: Fit,
-    use: EffectUse,
-    candidate: Candidate,
-    segments: Sequence[Segment],
-    sigmas: Float,
-    basis: Float,
-) -> tuple[float, Float]:
-    """Promised drop in chi-square of one candidate from one start, and the direction it moves the residuals in.
+def effect_promise(
+    context: Context, absorbed: Absorbed, candidate: EffectCandidate, start: int
+) -> Promise | None:
+    """The score test of one effect from one start; `step` is in shares of the start's strengths."""
+    fit = absorbed.fit
+    slopes = np.column_stack(
+        [strength_slope(context, fit, candidate, start, name) for name in candidate.own_strengths]
+    )
+    clear = absorbed.out_of(slopes)
+    felt = np.linalg.norm(clear, axis=0) > UNFELT * np.sqrt(slopes.shape[0])
+    if not felt.any():
+        return None
+    step = np.zeros(felt.size)
+    step[felt] = -np.linalg.lstsq(clear[:, felt], absorbed.residuals, rcond=None)[0]
+    if not candidate.two_sided and step[0] <= 0.0:
+        return None
+    gone = clear @ step
+    gain = float(gone @ gone)
+    unknowns = fit.z + absorbed.follow(slopes @ step)
+    values = {
+        f.name: f.centre + f.scale * z for f, z in zip(fit.free, unknowns, strict=True) if f.segment is None
+    }
+    return Promise(candidate, start, gain, step, values, gone / max(np.sqrt(gain), 1e-300))
 
-    The drop is 0 where the strength's sign forbids it, or where these recordings do not feel the effect at all.
-    """
-    weak = candidate.weakened(use, SMALL)
-    problem = FitProblem(current.plant.with_effect(weak), segments, sigmas, {}, frozen=current.values)
-    slope = problem.residuals(problem.start_at(current.initial)) - current.residuals
-    slope = slope - basis @ (basis.T @ slope)
-    length = float(np.linalg.norm(slope))
-    if length < SMALL * UNFELT * np.sqrt(slope.size):
-        return 0.0, np.zeros_like(slope)
-    along = -float(slope @ current.residuals) / length
-    return (along**2 if along > 0.0 or candidate.two_sided else 0.0), slope / length
+
+def strength_slope(
+    context: Context, fit: Fit, candidate: EffectCandidate, start: int, strength: str
+) -> Float:
+    """Change of the residuals per start's worth of one strength, at zero of all, all else as fitted; (rows,)."""
+    use = candidate.uses[start]
+    weak = {
+        name: replace(p, value=p.value * SMALL * (name == strength)) if name in candidate.own_strengths else p
+        for name, p in use.parameters.items()
+    }
+    plant = fit.plant.with_effect(replace(use, parameters=weak))
+    problem = FitProblem(plant, context.segments, context.sigmas, {}, frozen=fit.values)
+    return (problem.residuals(problem.start({}, fit.initial)) - fit.residuals) / SMALL
+
+
+def release_promise(fit: Fit, candidate: ReleasedParameter) -> list[Promise]:
+    """The score test of a tolerance set aside; nothing for a parameter that its tolerance does not press."""
+    index = next((i for i, free in enumerate(fit.free) if free.name == candidate.key), None)
+    if index is None or abs(fit.z[index]) < PRESSED:
+        return []
+    absorbed = Absorbed(fit, without=index)
+    column = fit.jacobian[:, [index]]
+    clear = absorbed.out_of(column)
+    step = -np.linalg.lstsq(clear, absorbed.residuals, rcond=None)[0]
+    gone = clear @ step
+    gain = float(gone @ gone) + float(fit.z[index] ** 2)
+    if step[0] * fit.z[index] <= 0.0:
+        return []
+    return [Promise(candidate, 0, gain, step, fit.values, gone / max(np.linalg.norm(gone), 1e-300))]
+
+
+def trial_job(context: Context, task: tuple[Fit, Promise]) -> Promise:
+    """A promise put to the test: the drop in cost when the effect is simulated at the strength promised."""
+    fit, promise = task
+    candidate = promise.candidate
+    if not isinstance(candidate, EffectCandidate):
+        return promise
+    plant = candidate.joined(fit.plant, promise.start)
+    ranges = ranges_of(plant, context.scales)
+    problem = FitProblem(plant, context.segments, context.sigmas, ranges)
+    best = replace(promise, gain=0.0, values=fit.values)
+    for share in SHARES:
+        values = {name: old + share * (promise.values[name] - old) for name, old in fit.values.items()}
+        for name, step in zip(candidate.own_strengths, promise.step, strict=True):
+            start, low, high = ranges[f"{candidate.key}.{name}"]
+            values[f"{candidate.key}.{name}"] = min(max(share * step * start, low), high)
+        z = problem.start(values, fit.initial)
+        residuals = problem.residuals(z)
+        prior = np.array([1.0 if free.prior else 0.0 for free in problem.free])
+        gain = fit.cost - float(residuals @ residuals + prior @ z**2)
+        if gain > best.gain:
+            best = replace(best, gain=gain, values=values)
+    return best

@@ -8,20 +8,21 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.candidates import Scales, ranges_of
-from ground.diagnose.crossval import HeldOut, cross_validate
 from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.segments import Segment
 from sim_hal.plant.simulate import Plant
 
-SEARCH_TOLERANCE = 1e-4
+SEARCH_TOLERANCE = 1e-3
+POLISH_TOLERANCE = 1e-5
 FINAL_TOLERANCE = 1e-7
 """Relative gain in chi-square below which a fit is done."""
+SEARCH_STEPS = 15
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -38,28 +39,29 @@ class Context:
 
 @dataclass(frozen=True)
 class FitTask:
-    """A plant to fit, and values to start from; `final` fits go to the bottom and know their sigmas well."""
+    """A plant to fit beside a fit of a similar one, and values to start from.
+
+    Search fits are rough; `polish` gives one its own sensitivities; `final` fits go to the bottom and know their
+    sigmas well.
+    """
 
     plant: Plant
+    near: Fit
     known: Mapping[str, float]
-    final: bool = False
+    depth: Literal["search", "polish", "final"] = "search"
 
 
 def fit_job(context: Context, task: FitTask) -> Fit:
     """Full fit of one plant."""
     ranges = ranges_of(task.plant, context.scales)
-    tolerance = FINAL_TOLERANCE if task.final else SEARCH_TOLERANCE
-    return fit_plant(
-        *(task.plant, context.segments, context.sigmas, ranges, task.known),
-        tolerance=tolerance,
-        precise=task.final,
-    )
-
-
-def validate_job(context: Context, fit: Fit) -> HeldOut:
-    """Cross-validation of one fitted plant."""
-    ranges = ranges_of(fit.plant, context.scales)
-    return cross_validate(fit, context.segments, context.sigmas, ranges)
+    problem = (task.plant, context.segments, context.sigmas, ranges, task.known)
+    if task.depth == "search":
+        return fit_plant(
+            *problem, tolerance=SEARCH_TOLERANCE, iterations=SEARCH_STEPS, near=task.near, rough=True
+        )
+    if task.depth == "polish":
+        return fit_plant(*problem, tolerance=POLISH_TOLERANCE, near=task.near)
+    return fit_plant(*problem, tolerance=FINAL_TOLERANCE, precise=True)
 
 
 class Workers:
@@ -69,6 +71,7 @@ class Workers:
         self, segments: Sequence[Segment], sigmas: NDArray[np.float64], scales: Scales, count: int
     ) -> None:
         self.context = Context(tuple(segments), sigmas, scales)
+        self.count = count
         self._pool: ProcessPoolExecutor | None = None
         if count > 1:
             # One thread of linear algebra in each process: more would only wait for each other's cores.
