@@ -19,7 +19,7 @@ from ground.diagnose.candidates import Candidate, EffectCandidate, effect_candid
 from ground.diagnose.crossval import HeldOut, cross_validate, in_sample
 from ground.diagnose.fit import Fit
 from ground.diagnose.released import ReleasedParameter, released_parameters
-from ground.diagnose.scoring import effective_share, model_weights, probability_better
+from ground.diagnose.scoring import OCCAM, effective_share, model_weights, probability_better
 from ground.diagnose.screen import Promise, promises_job, trial_job
 from ground.diagnose.workers import FitTask, Workers, fit_job
 from sim_hal.plant.simulate import Plant
@@ -273,13 +273,14 @@ def likelihood_here(candidate: Candidate, plant: Plant) -> float:
     """Prior odds that one of several laws that act alike is the one at work here.
 
     Something that falls meets air; any other rig with a single balance is more often a mechanism than a body in the
-    air or on soil.
+    air or on soil. Further parameters cost what they cost in every comparison.
     """
+    simple = OCCAM**-candidate.parameters
     home = candidate.effect.equation if isinstance(candidate, EffectCandidate) else candidate.equation
     if plant.kind in ("drive", "hop") or home == "sensor":
-        return 1.0
-    falls = plant.kind == "drop"
-    return 1.0 if falls == (home == "ballistic") and (falls or home not in ELSEWHERE) else ELSEWHERE_ODDS
+        return simple
+    usual = home == "ballistic" if plant.kind == "drop" else home not in ELSEWHERE
+    return simple if usual else ELSEWHERE_ODDS * simple
 
 
 def worthwhile(before: HeldOut, after: HeldOut, nats: float) -> bool:
