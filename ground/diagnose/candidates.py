@@ -13,7 +13,7 @@ from sim_hal.plant.compose import place_units
 from sim_hal.plant.effects.base import Form
 from sim_hal.plant.expressions import parse, to_text
 from sim_hal.plant.plant import check_use, find_effect
-from sim_hal.plant.simulate import Effect, EffectUse, Parameter, Plant, catalogue, prior
+from sim_hal.plant.simulate import Effect, EffectUse, Parameter, Plant, alternatives, catalogue, prior
 
 Scales = Mapping[str, Mapping[str, float]]
 """By balance equation or channel: the scales F, V, X, T, M, Y that effects' ranges are written in."""
@@ -146,7 +146,7 @@ class EffectCandidate:
             name: f"{e.value:.3g} ± {e.std:.1g} {e.unit if e.unit != '1' else ''}".rstrip()
             for name, e in estimates.items()
         }
-        return self.effect.sentence.format(**sizes)
+        return self.effect.template(sizes).format(**sizes)
 
     def formula(self, plant: Plant) -> str:
         """The effect's law in the form in which it acts here."""
@@ -160,14 +160,16 @@ def formula_text(form: Form) -> str:
         if forward == backward:
             return f"-({forward}) * sign(v); at v = 0 any force up to that"
         return f"-({forward}) forward, +({backward}) backward; at v = 0 any force up to that"
-    if form.sensor or form.delay:
-        return to_text(parse(form.sensor)) if form.sensor else "y(t - delay)"
-    if form.inertia:
-        return f"-({to_text(parse(form.inertia))}) * rate(v)"
+    if form.sensor:
+        return to_text(parse(form.sensor))
+    if form.delay or form.skew:
+        return "y(t - delay)" if form.delay else "y(t + skew * elapsed)"
     parts = [to_text(parse(form.force))] if form.force else []
+    parts += [f"-({to_text(parse(form.inertia))}) * rate(v)"] if form.inertia else []
     parts += [f"{port} + ({text})" for port, text in form.terms.items()]
     parts += [f"{port} * ({text})" for port, text in form.factors.items()]
     parts += [f"d{name}/dt = {state.rate}" for name, state in form.states.items()]
+    parts += [f"{name} = {text}" for name, text in form.local.items()]
     return "; ".join(parts)
 
 
@@ -195,11 +197,8 @@ def at_home(effect: Effect, use: EffectUse, plant: Plant) -> bool:
 
 def candidate_at(effect: Effect, use: EffectUse, plant: Plant, scales: Scales) -> EffectCandidate | None:
     """One effect in one place with its starts; None where it cannot act."""
-    form = (
-        effect.forms[0]
-        if effect.kind == "sensor"
-        else plant.form(effect, plant.balance(effect, use.equation))
-    )
+    balance = None if effect.kind == "sensor" else plant.balance(effect, use.equation)
+    form = plant.form(effect, balance, use.channel)
     strengths = tuple(p.name for p in form.parameters if p.strength) if form else ()
     if form is None or not strengths:
         return None
@@ -210,10 +209,12 @@ def candidate_at(effect: Effect, use: EffectUse, plant: Plant, scales: Scales) -
         return None
     units = place_units(plant, use, form)
     shapes = [p.name for p in form.parameters if not p.strength and not p.constant]
+    choices = {name: starts_of(*ranges[name]) for name in shapes[:1]}
+    choices |= {p.name: alternatives(p, own) for p in form.parameters if p.also}
     uses = []
-    for shape in product(*(starts_of(*ranges[name]) for name in shapes[:1])):
+    for chosen in product(*choices.values()):
         values = {name: start for name, (start, _, _) in ranges.items()} | dict(
-            zip(shapes, shape, strict=False)
+            zip(choices, chosen, strict=True)
         )
         parameters = {
             p.name: Parameter(values[p.name], 0.0 if p.constant else math.inf, units[p.name])

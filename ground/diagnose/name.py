@@ -295,4 +295,5 @@ def identified(candidate: Candidate, fit: Fit, given: Plant) -> bool:
     if isinstance(candidate, ReleasedParameter):
         away = abs(fit.values[candidate.key] - candidate.stated)
         return away > STRENGTH_SIGMAS * max(candidate.tolerance, fit.std[candidate.key])
-    return any(abs(fit.values[name]) > STRENGTH_SIGMAS * fit.std[name] for name in candidate.strengths())
+    free = [name for name in candidate.strengths() if name in fit.values]  # else it acts as a whole
+    return not free or any(abs(fit.values[name]) > STRENGTH_SIGMAS * fit.std[name] for name in free)

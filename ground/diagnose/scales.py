@@ -22,7 +22,7 @@ TYPICAL = 95.0
 
 
 def find_scales(fit: Fit, segments: Sequence[Segment]) -> dict[str, dict[str, float]]:
-    """Scales by balance equation (F, V, X, X_low, X_mid, X_high, T, M) and by output channel (Y, T)."""
+    """Scales by balance equation (F, V, X, X_low, X_mid, X_high, T, M) and by output channel (Y, Y_max, T)."""
     plant = fit.plant
     duration = float(np.median([s.run.times_s[-1] - s.run.times_s[0] for s in segments]))
     formulas: dict[str, Node] = {}
@@ -36,7 +36,8 @@ def find_scales(fit: Fit, segments: Sequence[Segment]) -> dict[str, dict[str, fl
     for column, channel in enumerate(plant.structure.outputs):
         measured = np.concatenate([s.observed[:, column] for s in segments])
         if np.isfinite(measured).any():
-            scales[channel] = {"Y": typical(measured), "T": duration}
+            largest = float(np.nanmax(np.abs(measured)))
+            scales[channel] = {"Y": typical(measured), "Y_max": largest, "T": duration}
     return {name: own for name, own in scales.items() if own}
 
 

@@ -151,8 +151,9 @@ def trial_job(context: Context, task: tuple[Fit, Promise]) -> Promise:
     for share in SHARES:
         values = {name: old + share * (promise.values[name] - old) for name, old in fit.values.items()}
         for name, step in zip(candidate.own_strengths, promise.step, strict=True):
-            start, low, high = ranges[f"{candidate.key}.{name}"]
-            values[f"{candidate.key}.{name}"] = min(max(share * step * start, low), high)
+            if (flat := f"{candidate.key}.{name}") in ranges:  # what acts as a whole has nothing to choose
+                start, low, high = ranges[flat]
+                values[flat] = min(max(share * step * start, low), high)
         z = problem.start(values, fit.initial)
         residuals = problem.residuals(z)
         prior = np.array([1.0 if free.prior else 0.0 for free in problem.free])

@@ -21,7 +21,8 @@ class Assembled:
     """A program and where in its registers things are that Python fills in or reads before a run.
 
     parameters: symbols of the parameter block, in order (the last is the start time).
-    initial, memory_initial, delays: registers of values that depend on parameters alone. kinks: formulas watched.
+    initial, memory_initial, delays, skews: registers of values that depend on parameters alone. settled: registers of
+    what states start at that other states tell. kinks: formulas watched.
     """
 
     program: Program
@@ -30,6 +31,8 @@ class Assembled:
     initial: Mapping[str, int]
     memory_initial: tuple[int, ...]
     delays: Mapping[str, int]
+    skews: Mapping[str, int]
+    settled: Mapping[str, int]
     kinks: tuple[Node, ...]
 
 
@@ -49,13 +52,21 @@ def assemble(model: Model, outputs: Mapping[str, Node], source: str) -> Assemble
             if not isinstance(state.initial, str)
         }
         memories = [builder.emit(memory.initial, Section.STATIC) for memory in model.memories.values()]
-        delays = {channel: builder.emit(node, Section.STATIC) for channel, node in model.delays.items()}
+        delays, skews = (
+            {channel: builder.emit(node, Section.STATIC) for channel, node in late.items()}
+            for late in (model.delays, model.skews)
+        )
+        settled = {
+            name: builder.emit(node, Section.DYNAMIC, watch=False) for name, node in model.settled.items()
+        }
     except ExpressionError as error:
         raise PlantError(f"{source}: {error}") from None
-    _require_static(builder, source, initial | delays | dict(zip(model.memories, memories, strict=True)))
+    _require_static(
+        builder, source, initial | delays | skews | dict(zip(model.memories, memories, strict=True))
+    )
     code, sections = builder.code()
     program = Program(code, table, builder.registers(), layout._replace(sections=sections))
-    return Assembled(program, parameters, flags, initial, tuple(memories), delays, kinks)
+    return Assembled(program, parameters, flags, initial, tuple(memories), delays, skews, settled, kinks)
 
 
 def _reserve(builder: Builder, model: Model, parameters: tuple[str, ...], flags: tuple[str, ...]) -> Layout:

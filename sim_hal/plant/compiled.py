@@ -12,9 +12,17 @@ from sim_hal.plant.assemble import Assembled, assemble, fitted
 from sim_hal.plant.compose import Model, compose
 from sim_hal.plant.engine import Limits, Machine, Schedule
 from sim_hal.plant.expressions import Name, Node
-from sim_hal.plant.plant import Plant
+from sim_hal.plant.plant import Plant, check_use, check_values
 from sim_hal.plant.program import Floats, Program
-from sim_hal.plant.run import Run, SimulationError, check_times, schedule, smoothed_start
+from sim_hal.plant.run import (
+    Lateness,
+    Run,
+    SimulationError,
+    check_times,
+    prolonged,
+    schedule,
+    smoothed_start,
+)
 from sim_hal.plant.structure import Balance
 from sim_hal.plant.units import channel_unit
 
@@ -68,16 +76,16 @@ class CompiledPlant:
 
         Raises `SimulationError` with words.
         """
-        delays = self.delays(values, run)
-        if not delays:
+        late = self.lateness(values, run)
+        if not late:
             return self._integrate(values, run, initial, run.times_s)[0]
-        late = {channel: np.maximum(run.times_s - delay, run.times_s[0]) for channel, delay in delays.items()}
-        every = np.unique(np.concatenate([run.times_s, *late.values()]))
-        outputs = self._integrate(values, run, initial, every)[0]
+        times = {channel: late[channel].seen_s(run.times_s) for channel in late}
+        every = np.unique(np.concatenate([run.times_s, *times.values()]))
+        outputs = self._integrate(values, prolonged(run, every[-1]), initial, every)[0]
         found = outputs[np.searchsorted(every, run.times_s)]
-        for channel, times in late.items():
+        for channel, seen in times.items():
             column = self.output_names.index(channel)
-            found[:, column] = outputs[np.searchsorted(every, times), column]
+            found[:, column] = outputs[np.searchsorted(every, seen), column]
         return found
 
     def states(self, values: Floats, run: Run, initial: Mapping[str, float] | None = None) -> Floats:
@@ -124,6 +132,7 @@ class CompiledPlant:
         by_name = dict(zip(self.parameter_names, values, strict=True))
         absent = {name for name, own in self.model.strengths.items() if not any(by_name[key] for key in own)}
         state = np.array(list(start.values()), dtype=float)
+        self._settle(registers, state, run.times_s[0], initial or {})
         span = run.times_s[-1] - run.times_s[0]
         modes = [self._mode(element.strengths, by_name) for element in self.model.elements]
         modes += [engine.IDLE if name in absent else 0 for name in self.model.memories]
@@ -140,6 +149,20 @@ class CompiledPlant:
             weight=np.array([0.0 if name in absent else 1.0 for name in start]),
             mode=np.array(modes, dtype=np.int64),
         )
+
+    def _settle(self, registers: Floats, state: Floats, start_s: float, given: Mapping[str, float]) -> None:
+        """Start the states that other states tell, such as a filter's, where those put them."""
+        if not self.assembled.settled:
+            return
+        program = self.assembled.program
+        layout = program.layout
+        registers[layout.time] = start_s
+        registers[layout.state : layout.state + len(state)] = state
+        with np.errstate(all="ignore"):
+            engine.execute(program.code, layout.sections[1], layout.sections[2], registers)
+        for offset, name in enumerate(self.state_names):
+            if name in self.assembled.settled and name not in given:
+                state[offset] = registers[self.assembled.settled[name]]
 
     @staticmethod
     def _mode(strengths: tuple[str, ...] | None, values: Mapping[str, float]) -> int:
@@ -210,6 +233,9 @@ class CompiledPlant:
         """A known quantity of the start: from the sidecar, or smoothed from its channel, or its default."""
         if name in run.known:
             return float(run.known[name])
+        condition = run.conditions.get(name)
+        if isinstance(condition, (int, float)):
+            return float(condition)
         channel = name.removeprefix("first(").removesuffix(")")
         if channel in run.first_samples:
             return smoothed_start(run.times_s, run.first_samples[channel])[0]
@@ -229,11 +255,20 @@ class CompiledPlant:
                     return smoothed_start(run.times_s, run.first_samples[channel])[1]
         return 0.0
 
-    def delays(self, values: Floats, run: Run) -> dict[str, float]:
-        if not self.assembled.delays:
+    def lateness(self, values: Floats, run: Run) -> dict[str, Lateness]:
+        """How late each channel is that is late at all."""
+        where = self.assembled
+        if not where.delays and not where.skews:
             return {}
         registers = self._registers(values, run)
-        return {channel: float(registers[place]) for channel, place in self.assembled.delays.items()}
+        late = {}
+        for channel in dict.fromkeys((*where.delays, *where.skews)):
+            delay, skew = (
+                float(registers[places[channel]]) if channel in places else 0.0
+                for places in (where.delays, where.skews)
+            )
+            late[channel] = Lateness(float(run.times_s[0]), delay, skew)
+        return late
 
 
 def compile_plant(
@@ -249,6 +284,8 @@ def compile_plant(
     balance's force); `extra` adds formulas of the plant's symbols to the outputs; `relative_tolerance` is the error
     allowed per integration step. Raises `PlantError`.
     """
+    for use in plant.effects:
+        check_values(plant, use, check_use(plant, use))
     model = compose(plant, missing_force)
     outputs = {**model.outputs, **(extra or {})}
     assembled = assemble(model, outputs, plant.source)

@@ -7,12 +7,14 @@ Effects are taken in the order of their flat names, whatever their order in the 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from sim_hal.plant.effects import catalogue
-from sim_hal.plant.effects.base import Form
+from sim_hal.plant.effects.base import FILTERED, Form
 from sim_hal.plant.expressions import ExpressionError, Name, Node, Num, Op, add, multiply, parse, rename, walk
+from sim_hal.plant.filters import Filters, while_acting
+from sim_hal.plant.inertia import Correction, heavier
 from sim_hal.plant.plant import EffectUse, Plant, check_use
 from sim_hal.plant.structure import Balance, Definition, Memory, PlantError, State, Structure, unit_text
 from sim_hal.plant.units import (
@@ -44,7 +46,8 @@ class Model:
     """Equations with all effects in them.
 
     strengths: parameters that are 0 where an effect's internal state or memory does not matter. kinks: the same for
-    kinked formulas that only effects bring. delays: by channel.
+    kinked formulas that only effects bring. delays, skews: by channel. settled: states that start at what a formula
+    of the other states gives.
     """
 
     structure: Structure
@@ -58,6 +61,19 @@ class Model:
     strengths: Mapping[str, tuple[str, ...]]
     kinks: Mapping[Node, tuple[str, ...]]
     delays: Mapping[str, Node]
+    skews: Mapping[str, Node]
+    settled: Mapping[str, Node]
+
+
+@dataclass(frozen=True, order=True)
+class Fault:
+    """What a channel reads instead of `y`; `filtered` is `y` through a first-order filter of this time constant."""
+
+    rank: int
+    prefix: str
+    formula: Node = field(compare=False)
+    low_pass: Node | None = field(compare=False)
+    strengths: tuple[str, ...] = field(compare=False)
 
 
 @dataclass
@@ -67,6 +83,7 @@ class _Additions:
     forces: dict[str, list[Node]] = field(default_factory=dict)
     inertias: dict[str, list[Node]] = field(default_factory=dict)
     dry: list[tuple[Balance, Node, Node, tuple[str, ...] | None]] = field(default_factory=list)
+    definitions: dict[str, Node] = field(default_factory=dict)
     terms: dict[str, list[Node]] = field(default_factory=dict)
     factors: dict[str, list[Node]] = field(default_factory=dict)
     states: dict[str, State] = field(default_factory=dict)
@@ -74,8 +91,9 @@ class _Additions:
     memories: dict[str, Memory] = field(default_factory=dict)
     strengths: dict[str, tuple[str, ...]] = field(default_factory=dict)
     kinks: dict[Node, tuple[str, ...]] = field(default_factory=dict)
-    faults: dict[str, list[tuple[int, str, Node]]] = field(default_factory=dict)
+    faults: dict[str, list[Fault]] = field(default_factory=dict)
     delays: dict[str, list[Node]] = field(default_factory=dict)
+    skews: dict[str, list[Node]] = field(default_factory=dict)
 
 
 MISSING_FORCE = "missing_force"
@@ -96,22 +114,29 @@ def compose(plant: Plant, missing_force: str | None = None) -> Model:
     if missing_force is not None:
         _missing(plant, missing_force, found)
     definitions = {name: _port(name, item, found) for name, item in structure.definitions.items()}
-    inertia = {name: _inertia(structure.balances[name], parts) for name, parts in found.inertias.items()}
+    definitions |= found.definitions
+    inertias = [(structure.balances[name], add(*parts)) for name, parts in sorted(found.inertias.items())]
+    corrected = heavier(inertias, definitions, structure)
+    rates = _rates(structure, found, corrected)
+    filters = Filters()
+    outputs = {
+        channel: _faulty(node, sorted(found.faults.get(channel, [])), filters)
+        for channel, node in structure.outputs.items()
+    }
     return Model(
         structure=structure,
         parameters=tuple(plant.flat()),
-        states={**structure.states, **found.states},
-        rates=_rates(structure, found, inertia),
+        states={**structure.states, **found.states, **filters.states},
+        rates=rates | filters.rates,
         definitions=definitions,
         memories={**structure.memories, **found.memories},
-        elements=_elements(found, inertia),
-        outputs={
-            channel: _faulty(node, found.faults.get(channel, []))
-            for channel, node in structure.outputs.items()
-        },
-        strengths=found.strengths,
+        elements=_elements(found, corrected),
+        outputs=outputs,
+        strengths=found.strengths | filters.strengths,
         kinks={node: own for node, own in found.kinks.items() if node not in _kinks_of(structure)},
         delays={channel: add(*parts) for channel, parts in found.delays.items()},
+        skews={channel: add(*parts) for channel, parts in found.skews.items()},
+        settled=filters.settled,
     )
 
 
@@ -126,10 +151,11 @@ def _collect(plant: Plant, use: EffectUse, form: Form, found: _Additions) -> Non
         for node in walk(translate(text)):
             found.kinks[node] = (*found.kinks.get(node, ()), *strengths)
     _check_formulas(plant, use, form)
+    found.definitions |= {f"{prefix}.{name}": translate(text) for name, text in form.local.items()}
     for name, state in form.states.items():
         own = f"{prefix}.{name}"
         found.states[own] = State(state.unit, translate(state.initial))
-        found.rates[own] = translate(state.rate)
+        found.rates[own] = while_acting(strengths, translate(state.rate))
         if strengths:
             found.strengths[own] = strengths
     for name, memory in form.memories.items():
@@ -150,10 +176,12 @@ def _collect(plant: Plant, use: EffectUse, form: Form, found: _Additions) -> Non
             found.dry.append((balance, translate(form.dry[0]), translate(form.dry[1]), strengths or None))
     if use.channel is not None:
         if form.sensor:
-            fault = (effect.rank, prefix, translate(form.sensor))
+            low_pass = translate(form.low_pass) if form.low_pass else None
+            fault = Fault(effect.rank, prefix, translate(form.sensor), low_pass, strengths)
             found.faults.setdefault(use.channel, []).append(fault)
-        if form.delay:
-            found.delays.setdefault(use.channel, []).append(translate(form.delay))
+        for formula, late in ((form.delay, found.delays), (form.skew, found.skews)):
+            if formula:
+                late.setdefault(use.channel, []).append(translate(formula))
 
 
 def _kinks_of(structure: Structure) -> set[Node]:
@@ -166,7 +194,7 @@ def _kinks_of(structure: Structure) -> set[Node]:
 def _translator(plant: Plant, use: EffectUse, form: Form, balance: Balance | None) -> Callable[[str], Node]:
     """Formula text of the effect → node in the plant's symbols."""
     prefix = plant.prefix(use)
-    own = {item.name for item in form.parameters} | form.states.keys() | form.memories.keys()
+    own = form.names()
     places = {} if balance is None else _places(plant.structure, balance)
 
     def symbol(name: str) -> Node:
@@ -228,8 +256,11 @@ def _check_formulas(plant: Plant, use: EffectUse, form: Form) -> None:
     expected += [(text, PURE) for text in form.factors.values()]
     second = dimension("s")
     expected += [(item.rate, times(dimension(item.unit), second, INVERSE)) for item in form.states.values()]
+    if balance is not None and form.inertia:
+        expected.append((form.inertia, times(times(force, second), symbols["v"], INVERSE)))
     if use.channel is not None:
         expected += [(form.sensor, dimension(channel_unit(use.channel))), (form.delay, second)]
+        expected += [(form.skew, PURE), (form.low_pass, second)]
     for text, unit in expected:
         try:
             if text is not None:
@@ -246,10 +277,13 @@ def _effect_symbols(
         places = _places(plant.structure, balance)
         symbols = symbols | {name: unit_of(node, symbols) or PURE for name, node in places.items()}
     if use.channel is not None:
-        symbols["y"] = dimension(channel_unit(use.channel))
+        symbols["y"] = symbols[FILTERED] = dimension(channel_unit(use.channel))
     symbols |= {name: dimension(unit) for name, unit in place_units(plant, use, form).items()}
     symbols |= {name: dimension(item.unit) for name, item in form.states.items()}
-    return symbols | {name: dimension(item.unit) for name, item in form.memories.items()}
+    symbols |= {name: dimension(item.unit) for name, item in form.memories.items()}
+    for name, text in form.local.items():
+        symbols[name] = unit_of(parse(text), symbols) or PURE
+    return symbols
 
 
 def _missing(plant: Plant, name: str, found: _Additions) -> None:
@@ -273,45 +307,23 @@ def _port(name: str, definition: Definition, found: _Additions) -> Node:
     return add(scaled, *found.terms.get(name, []))
 
 
-def _inertia(balance: Balance, parts: list[Node]) -> dict[str, Node]:
-    """By state, what the rate is divided by: 1 + added inertia · per_force."""
-    return {
-        state: add(Num(1.0), multiply(add(*parts), per_force))
-        for state, per_force in balance.per_force.items()
-    }
-
-
-def _divided(node: Node, divisors: list[Node]) -> Node:
-    return Op("/", (node, multiply(*divisors))) if divisors else node
-
-
-def _rates(
-    structure: Structure, found: _Additions, inertia: Mapping[str, Mapping[str, Node]]
-) -> dict[str, Node]:
-    """Rates with all forces added, then divided where inertia was added."""
+def _rates(structure: Structure, found: _Additions, corrected: Correction) -> dict[str, Node]:
+    """Rates with all forces added, then corrected where inertia was added."""
     rates = dict(structure.rates)
     for name in structure.balances:
         for state, per_force in structure.balances[name].per_force.items():
             for force in found.forces.get(name, []):
                 rates[state] = add(rates[state], multiply(per_force, force))
-    for state in rates:
-        rates[state] = _divided(rates[state], _divisors(inertia, state))
-    return rates | found.rates
+    return {**rates, **corrected(rates), **found.rates}
 
 
-def _divisors(inertia: Mapping[str, Mapping[str, Node]], state: str) -> list[Node]:
-    return [parts[state] for parts in inertia.values() if state in parts]
-
-
-def _elements(found: _Additions, inertia: Mapping[str, Mapping[str, Node]]) -> tuple[Element, ...]:
+def _elements(found: _Additions, corrected: Correction) -> tuple[Element, ...]:
     """Friction elements, those with the same relative velocity and the same effect merged."""
     merged: dict[tuple[object, ...], Element] = {}
     for balance, forward, backward, strengths in found.dry:
         if balance.velocity is None:
             raise PlantError(f"balance {balance.name}: dry friction needs a velocity")
-        per_force = {
-            state: _divided(node, _divisors(inertia, state)) for state, node in balance.per_force.items()
-        }
+        per_force = corrected(balance.per_force)
         key = (balance.velocity, *per_force.items())
         if key not in merged:
             merged[key] = Element(balance.velocity, per_force, forward, backward, strengths)
@@ -324,13 +336,16 @@ def _elements(found: _Additions, inertia: Mapping[str, Mapping[str, Node]]) -> t
     return tuple(merged.values())
 
 
-def _faulty(node: Node, faults: list[tuple[int, str, Node]]) -> Node:
-    """What a channel reads with its faults, applied in the order of their rank."""
-    for _, _, formula in sorted(faults, key=lambda item: item[:2]):
-        value = node
+def _faulty(node: Node, faults: Sequence[Fault], filters: Filters) -> Node:
+    """What a channel reads with its faults, applied one after the other."""
+    for fault in faults:
+        values = {"y": node}
+        if fault.low_pass is not None:
+            name = f"{fault.prefix}.{FILTERED}"
+            values[name] = filters.add(name, node, fault.low_pass, fault.strengths)
 
-        def symbol(name: str, value: Node = value) -> Node:
-            return value if name == "y" else Name(name)
+        def symbol(name: str, values: Mapping[str, Node] = values) -> Node:
+            return values.get(name, Name(name))
 
-        node = rename(formula, symbol)
+        node = rename(fault.formula, symbol)
     return node

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from sim_hal.plant.effects import catalogue
 from sim_hal.plant.effects.base import Effect, Form
 from sim_hal.plant.structure import Balance, PlantError, Structure
+from sim_hal.plant.units import channel_unit
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ class Plant:
         """The plant with one more effect; raises `PlantError` where it cannot act."""
         if any(self.prefix(use) == self.prefix(other) for other in self.effects):
             raise PlantError(f"{self.source}: effects: {self.prefix(use)} stands there twice")
-        check_use(self, use)
+        check_values(self, use, check_use(self, use))
         return replace(self, effects=(*self.effects, use))
 
     def without_effects(self) -> Plant:
@@ -116,12 +117,14 @@ class Plant:
             return next((balances[name] for name in effect.balances if name in balances), None)
         return balances.get(equation)
 
-    def form(self, effect: Effect, balance: Balance | None) -> Form | None:
+    def form(self, effect: Effect, balance: Balance | None, channel: str | None = None) -> Form | None:
         """The form in which an effect acts here, or None."""
-        symbols = {*self.structure.units(), *self.structure.known}
+        quantities = self.structure.parameters
+        absent = {name for name, item in quantities.items() if item.optional} - self.parameters.keys()
+        symbols = self.structure.units().keys() - absent
         symbols |= {"load"} if balance is not None and load_of(self.structure, balance) else set()
         symbols |= {"x"} if balance is not None and balance.position is not None else set()
-        return effect.form(frozenset(symbols))
+        return effect.form(frozenset(symbols), None if channel is None else channel_unit(channel))
 
     def places(self, effect: Effect) -> tuple[tuple[str, str | None], ...]:
         """Where an effect may enter this plant: pairs of equation and channel (None but for sensor faults).
@@ -129,11 +132,12 @@ class Plant:
         Forces of the air act where something moves along a line, dry friction and the like where anything moves.
         """
         if effect.kind == "sensor":
-            return tuple((effect.equation, channel) for channel in self.structure.outputs)
+            channels = self.structure.outputs
+            return tuple((effect.equation, name) for name in channels if self.form(effect, None, name))
         home = self.balance(effect, effect.equation)
         if home is not None or not effect.mechanical:
             form = self.form(effect, home)
-            if form is None or (needs_balance(form) and home is None):
+            if form is None or (needs_balance(form) and not enters(home)):
                 return ()
             # Plants of other rigs have equations of their own names.
             named = home is not None and self.kind == "equations"
@@ -144,7 +148,7 @@ class Plant:
 
     def _moves(self, effect: Effect, balance: Balance) -> bool:
         """Whether a mechanical effect can act in this balance."""
-        units = ("N",) if effect.balances else ("N", "N*m")  # named balances: forces along a line
+        units = ("N",) if effect.along_line else ("N", "N*m")
         moves = balance.unit in units and balance.port is None and balance.velocity is not None
         return moves and self.form(effect, balance) is not None
 
@@ -152,6 +156,11 @@ class Plant:
 def needs_balance(form: Form) -> bool:
     """Whether a form adds a force, dry friction or inertia, and so needs a balance to add it to."""
     return bool(form.force or form.dry or form.inertia)
+
+
+def enters(balance: Balance | None) -> bool:
+    """Whether a force may enter here: a balance that is no port of a definition."""
+    return balance is not None and balance.port is None
 
 
 def load_of(structure: Structure, balance: Balance) -> bool:
@@ -177,17 +186,18 @@ def check_use(plant: Plant, use: EffectUse) -> Form:
         if use.channel not in plant.structure.outputs:
             known = ", ".join(plant.structure.outputs)
             raise PlantError(f"{where}: channel = {use.channel!r} is no output of the plant; known: {known}")
-        form: Form | None = effect.forms[0]
+        form = plant.form(effect, None, use.channel)
     else:
         balance = plant.balance(effect, use.equation)
         form = plant.form(effect, balance)
-        if form is not None and needs_balance(form) and balance is None:
+        if form is not None and needs_balance(form) and not enters(balance):
             known = ", ".join(plant.structure.balances)
             raise PlantError(
                 f"{where}: equation = {use.equation!r} is no balance it can enter; known: {known}"
             )
     if form is None:
-        raise PlantError(f"{where}: cannot act on a plant of kind {plant.kind} at {use.equation!r}")
+        place = repr(use.channel or use.equation)
+        raise PlantError(f"{where}: cannot act on a plant of kind {plant.kind} at {place}")
     names = {parameter.name for parameter in form.parameters}
     if names != set(use.parameters):
         wrong = sorted(names ^ set(use.parameters))
@@ -195,6 +205,14 @@ def check_use(plant: Plant, use: EffectUse) -> Form:
             f"{where}: parameters must be {', '.join(sorted(names))}; look at {', '.join(wrong)}"
         )
     return form
+
+
+def check_values(plant: Plant, use: EffectUse, form: Form) -> None:
+    """Raise `PlantError` for a parameter outside what is physical."""
+    for parameter in form.parameters:
+        fault = parameter.fault(use.parameters[parameter.name].value)
+        if fault is not None:
+            raise PlantError(f"{plant.source}: effects: {use.physics_id}.{parameter.name}: {fault}")
 
 
 def duplicates(plant: Plant) -> Iterable[str]:

@@ -13,7 +13,16 @@ import yaml
 from hal.config import read_yaml
 from hal.errors import ConfigError
 from sim_hal.plant.compose import place_units
-from sim_hal.plant.plant import EffectUse, Parameter, Plant, Sensor, check_use, duplicates, find_effect
+from sim_hal.plant.plant import (
+    EffectUse,
+    Parameter,
+    Plant,
+    Sensor,
+    check_use,
+    check_values,
+    duplicates,
+    find_effect,
+)
 from sim_hal.plant.structure import PlantError, Quantity, Reader
 from sim_hal.plant.structure_file import STRUCTURE_KEYS, load_kind, read_structure
 from sim_hal.plant.units import dimension
@@ -177,6 +186,7 @@ def _with_effects(reader: Reader, plant: Plant) -> Plant:
             if dimension(parameters[name].unit) != dimension(unit):
                 reason = f"{parameters[name].unit!r} must be {unit!r}"
                 raise reader.error(f"{key}.parameters.{name}.unit", reason)
+        check_values(plant, use, form)
         uses.append(use)
     plant = replace(plant, effects=tuple(uses))
     for prefix in duplicates(plant):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,32 @@ class Run:
     known: Mapping[str, float] = field(default_factory=dict)
     conditions: Mapping[str, float | str] = field(default_factory=dict)
     first_samples: Mapping[str, Floats] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Lateness:
+    """A channel that reads what was `delay_s` ago, and by `skew` more with each second since `start_s`."""
+
+    start_s: float
+    delay_s: float
+    skew: float
+
+    def seen_s(self, times_s: Floats) -> Floats:
+        """(n,) when the plant was as the channel reads at the given times; never before the start."""
+        late = self.delay_s + self.skew * (times_s - self.start_s)
+        return np.maximum(times_s - late, self.start_s)
+
+    def longest_s(self, time_s: float) -> float:
+        """The most by which the channel is late until a time."""
+        return max(self.delay_s, self.delay_s + self.skew * (time_s - self.start_s))
+
+
+def prolonged(run: Run, until_s: float) -> Run:
+    """The run made to last until a later time, with its last inputs held: what a clock that runs slow will see."""
+    if until_s <= run.times_s[-1]:
+        return run
+    inputs = {name: np.append(values, np.nan) for name, values in run.inputs.items()}
+    return replace(run, times_s=np.append(run.times_s, until_s), inputs=inputs)
 
 
 def check_times(times: Floats) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from sim_hal.plant.compiled import CompiledPlant, compile_plant, probes
 from sim_hal.plant.compose import MISSING_FORCE
 from sim_hal.plant.effects import catalogue
-from sim_hal.plant.effects.base import Effect, prior
+from sim_hal.plant.effects.base import Effect, alternatives, prior
 from sim_hal.plant.engine import Schedule
 from sim_hal.plant.expressions import Name, Node
 from sim_hal.plant.plant import EffectUse, Parameter, Plant, Sensor
@@ -30,6 +30,7 @@ __all__ = [
     "Sensor",
     "SimulationError",
     "Simulator",
+    "alternatives",
     "catalogue",
     "compile_plant",
     "load_plant",
@@ -66,7 +67,10 @@ class Simulator:
         )
         self._machine = self._compiled.machine(self._compiled.values, run, initial)
         self._names = self._compiled.output_names
-        self._late = self._compiled.delays(self._compiled.values, run)
+        self._late = self._compiled.lateness(self._compiled.values, run)
+        for channel, late in self._late.items():
+            if late.skew < 0.0 or late.delay_s < 0.0:
+                raise SimulationError(f"{plant.name}: {channel} is early: what is to come cannot be read")
         self._history: list[tuple[float, dict[str, float]]] = []
         self._remember()
 
@@ -93,7 +97,8 @@ class Simulator:
     def outputs(self) -> dict[str, float]:
         """Outputs and definitions by name at the present time, SI."""
         return self._now() | {
-            channel: self._delayed(channel, self.time_s - delay) for channel, delay in self._late.items()
+            channel: self._delayed(channel, float(late.seen_s(np.array(self.time_s))))
+            for channel, late in self._late.items()
         }
 
     def state(self) -> dict[str, float]:
@@ -137,7 +142,7 @@ class Simulator:
         """Keep late channels' values, no longer than they are late."""
         if self._late:
             self._history.append((self.time_s, self._now()))
-            oldest = self.time_s - max(self._late.values())
+            oldest = self.time_s - max(late.longest_s(self.time_s) for late in self._late.values())
             while len(self._history) > 2 and self._history[1][0] <= oldest:
                 self._history.pop(0)
 

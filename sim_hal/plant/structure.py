@@ -137,6 +137,7 @@ class Structure:
     def units(self) -> dict[str, Dimension]:
         """Dimension of each symbol that formulas may use (flags and events are true or false)."""
         found = {"t": dimension("s"), "elapsed": dimension("s")}
+        found |= {name: dimension(item.unit) for name, item in self.known.items()}
         for group in (self.parameters, self.inputs, self.states, self.definitions, self.memories):
             found |= {name: dimension(item.unit) for name, item in group.items()}
         return found | dict.fromkeys((*self.flags, *self.events), BOOLEAN)

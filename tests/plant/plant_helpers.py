@@ -85,11 +85,13 @@ def pushed(times: np.ndarray, push: np.ndarray | float) -> Run:
     return Run(times_s=times, inputs={"push_n": np.broadcast_to(push, times.shape).astype(float)})
 
 
-def hop_run(times: np.ndarray, surface: str = "quartz_sand", compression: float = 0.036) -> Run:
+def hop_run(
+    times: np.ndarray, surface: str = "quartz_sand", compression: float = 0.036, **conditions: float
+) -> Run:
     """A hop fired at 50 ms."""
     return Run(
         times_s=times,
         events={"fire_command": 0.05},
         known={"spring_compression_m": compression},
-        conditions={"surface": surface},
+        conditions={"surface": surface, **conditions},
     )

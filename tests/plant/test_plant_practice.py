@@ -38,7 +38,7 @@ EFFECTS: dict[str, tuple[str, str | None, Callable[[Values], Values]]] = {
     ),
     "string_creep": ("spring_force", None, lambda p: {"compliance": 1 / p["k_c"], "tau": p["tau"]}),
     "stribeck_friction": ("drive_torque", None, lambda p: {"F_s": p["tau_s"], "v_s": p["omega_s"]}),
-    "presliding_hysteresis": ("drive_torque", None, lambda p: {"s_p": p["theta_s"]}),
+    "presliding_hysteresis": ("drive_torque", None, lambda p: {"s_p": p["theta_s"], "share": 1.0}),
 }
 
 

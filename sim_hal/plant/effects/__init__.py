@@ -5,11 +5,25 @@ from __future__ import annotations
 from functools import lru_cache
 from importlib.metadata import entry_points
 
-from sim_hal.plant.effects import drive, flight, friction, hop, sensors
+from sim_hal.plant.effects import (
+    electrical,
+    flight,
+    friction,
+    ground,
+    mechanism,
+    release,
+    sensors,
+    springs,
+    transmission,
+)
 from sim_hal.plant.effects.base import Effect
 
 GROUP = "hopper.effects"
-_BUILT_IN = (friction.EFFECTS, drive.EFFECTS, hop.EFFECTS, flight.EFFECTS, sensors.EFFECTS)
+#: What belongs to one place first: of two that act alike in some place, the first is the better name.
+_BUILT_IN = (
+    *(electrical.EFFECTS, transmission.EFFECTS, springs.EFFECTS, release.EFFECTS, mechanism.EFFECTS),
+    *(ground.EFFECTS, flight.EFFECTS, friction.EFFECTS, sensors.EFFECTS),
+)
 
 
 @lru_cache(maxsize=1)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from sim_hal.plant.effects.base import Effect, EffectParameter, EffectState, Form
+from sim_hal.plant.effects.base import WHOLE, Effect, EffectParameter, EffectState, Form
 
 
 def _level(name: str) -> EffectParameter:
     """A level of dry friction."""
-    return EffectParameter(name, "force", "0.02 * F", "0", "F", strength=True)
+    return EffectParameter(name, "force", "0.02 * F", "0", "F", strength=True, least=0.0)
 
 
 COULOMB = Effect(
@@ -33,7 +33,9 @@ VISCOUS = Effect(
     forms=(
         Form(
             parameters=(
-                EffectParameter("F_v", "force/velocity", "0.02 * F / V", "0", "F / V", strength=True),
+                EffectParameter(
+                    "F_v", "force/velocity", "0.02 * F / V", "0", "F / V", strength=True, least=0.0
+                ),
             ),
             force="-F_v * v",
         ),
@@ -50,7 +52,7 @@ STRIBECK = Effect(
         Form(
             parameters=(
                 _level("F_s"),
-                EffectParameter("v_s", "velocity", "0.05 * V", "0.001 * V", "0.5 * V"),
+                EffectParameter("v_s", "velocity", "0.05 * V", "0.001 * V", "0.5 * V", above=0.0),
             ),
             dry=("F_s * exp(-(v / v_s) ** 2)", "F_s * exp(-(v / v_s) ** 2)"),
         ),
@@ -81,7 +83,13 @@ QUADRATIC = Effect(
         Form(
             parameters=(
                 EffectParameter(
-                    "F_q", "force/velocity**2", "0.02 * F / V ** 2", "0", "F / V ** 2", strength=True
+                    "F_q",
+                    "force/velocity**2",
+                    "0.02 * F / V ** 2",
+                    "0",
+                    "F / V ** 2",
+                    strength=True,
+                    least=0.0,
                 ),
             ),
             force="-F_q * v * abs(v)",
@@ -100,7 +108,7 @@ POSITION_DEPENDENT = Effect(
             parameters=(
                 EffectParameter("F_p", "force", "0.02 * F", "-F", "F", strength=True),
                 EffectParameter("x_p", "position", "X_mid", "X_low", "X_high"),
-                EffectParameter("w_p", "position", "0.1 * X", "0.01 * X", "X"),
+                EffectParameter("w_p", "position", "0.1 * X", "0.01 * X", "X", above=0.0),
             ),
             dry=("F_p * exp(-((x - x_p) / w_p) ** 2)", "F_p * exp(-((x - x_p) / w_p) ** 2)"),
             needs=("x",),
@@ -111,12 +119,13 @@ POSITION_DEPENDENT = Effect(
 LOAD_DEPENDENT = Effect(
     physics_id="load_dependent_friction",
     equation="transmission",
+    balances=("drive_torque",),
     says="friction grows with the force carried",
     sentence="Friction grows with the force carried: {mu} of it is lost.",
     citation="M. Linderoth, A. Stolt, A. Robertsson, R. Johansson, IROS (2013) 3296",
     forms=(
         Form(
-            parameters=(EffectParameter("mu", "1", "0.02", "0", "1", strength=True),),
+            parameters=(EffectParameter("mu", "1", "0.02", "0", "1", strength=True, least=0.0),),
             dry=("mu * abs(load)", "mu * abs(load)"),
             needs=("load",),
         ),
@@ -139,21 +148,35 @@ ADDED_INERTIA = Effect(
     ),
 )
 
+_RIPPLE = (
+    EffectParameter("F_sin", "force", "0.02 * F", "-F", "F", strength=True),
+    EffectParameter("F_cos", "force", "0.02 * F", "-F", "F", strength=True),
+)
+
 TORQUE_RIPPLE = Effect(
     physics_id="torque_ripple",
     equation="drive_torque",
     says="a torque that repeats with each turn",
-    sentence="A force repeats every {period} of travel (sine part {F_sin}, cosine part {F_cos}).",
+    sentence="A force repeats with each turn (sine part {F_sin}, cosine part {F_cos}).",
     citation="J. Holtz, L. Springob, IEEE Trans. Ind. Electron. 43 (1996) 247",
     forms=(
+        # Of the motor, or (order 1/N) of what the gearbox drives.
         Form(
             parameters=(
-                EffectParameter("F_sin", "force", "0.02 * F", "-F", "F", strength=True),
-                EffectParameter("F_cos", "force", "0.02 * F", "-F", "F", strength=True),
-                EffectParameter("period", "position", "0.05 * X", "0.0001 * X", "X"),
+                *_RIPPLE,
+                EffectParameter("order", "1", "1", "1", "1", constant=True, also=("1 / N",), above=0.0),
+            ),
+            force="F_sin * sin(order * theta) + F_cos * cos(order * theta)",
+            needs=("theta", "N", "dry_torque"),
+        ),
+        Form(
+            parameters=(
+                *_RIPPLE,
+                EffectParameter("period", "position", "0.05 * X", "0.0001 * X", "X", above=0.0),
             ),
             force="F_sin * sin(2 * pi * x / period) + F_cos * cos(2 * pi * x / period)",
             needs=("x",),
+            lacks=("opened",),
         ),
     ),
 )
@@ -167,16 +190,19 @@ PRESLIDING = Effect(
     forms=(
         # Where the plant has dry friction of its own, that friction builds up over a distance.
         Form(
-            parameters=(EffectParameter("s_p", "velocity*s", "0.5", "0.01", "50"),),
+            parameters=(
+                EffectParameter("s_p", "velocity*s", "0.5", "0.01", "50", above=0.0),
+                WHOLE,
+            ),
             states={"z": EffectState("1", "v / s_p * (1 - z * sign(v))")},
-            force="-tau_c * z",
-            factors={"dry_torque": "0"},
+            force="-share * tau_c * z",
+            factors={"dry_torque": "1 - share"},
             needs=("dry_torque", "tau_c"),
         ),
         Form(
             parameters=(
                 _level("F_d"),
-                EffectParameter("s_p", "velocity*s", "0.01 * X", "1e-5 * X", "X"),
+                EffectParameter("s_p", "velocity*s", "0.01 * X", "1e-5 * X", "X", above=0.0),
             ),
             states={"z": EffectState("1", "v / s_p * (1 - z * sign(v))")},
             force="-F_d * z",
@@ -194,7 +220,7 @@ WARM_UP = Effect(
         Form(
             parameters=(
                 _level("F_w"),
-                EffectParameter("W_0", "J", "5", "0.1", "100"),
+                EffectParameter("W_0", "J", "5", "0.1", "100", above=0.0),
             ),
             states={"W": EffectState("J", "(dry_torque + F_w * exp(-W / W_0)) * abs(v)")},
             dry=("F_w * exp(-W / W_0)", "F_w * exp(-W / W_0)"),
@@ -203,7 +229,7 @@ WARM_UP = Effect(
         Form(
             parameters=(
                 _level("F_w"),
-                EffectParameter("W_0", "J", "0.2 * F * X", "0.001 * F * X", "10 * F * X"),
+                EffectParameter("W_0", "J", "0.2 * F * X", "0.001 * F * X", "10 * F * X", above=0.0),
             ),
             states={"W": EffectState("J", "F_w * exp(-W / W_0) * abs(v)")},
             dry=("F_w * exp(-W / W_0)", "F_w * exp(-W / W_0)"),

@@ -1,8 +1,8 @@
-"""Electrical and transmission effects of the tensioning drive, and what its string does under load."""
+"""Effects in the circuit of the tensioning drive: supply, bridge, brushes and winding."""
 
 from __future__ import annotations
 
-from sim_hal.plant.effects.base import Effect, EffectMemory, EffectParameter, EffectState, Form
+from sim_hal.plant.effects.base import Effect, EffectParameter, EffectState, Form
 
 WINDING_HEATING = Effect(
     physics_id="winding_heating",
@@ -14,9 +14,9 @@ WINDING_HEATING = Effect(
     forms=(
         Form(
             parameters=(
-                EffectParameter("alpha", "1/K", "0.0039", "0", "0.02", strength=True),
-                EffectParameter("R_th", "K/W", "25", "2", "200"),
-                EffectParameter("C_th", "J/K", "0.3", "0.01", "10"),
+                EffectParameter("alpha", "1/K", "0.0039", "0", "0.02", strength=True, least=0.0),
+                EffectParameter("R_th", "K/W", "25", "2", "200", above=0.0),
+                EffectParameter("C_th", "J/K", "0.3", "0.01", "10", above=0.0),
             ),
             states={"dT": EffectState("K", "(resistance * i ** 2 - dT / R_th) / C_th")},
             factors={"resistance": "1 + alpha * dT"},
@@ -35,7 +35,7 @@ BRUSH_DROP = Effect(
     citation="A. Hughes, Electric Motors and Drives, 5th ed. (2019), ch. 3",
     forms=(
         Form(
-            parameters=(EffectParameter("U_b", "V", "0.1", "0", "3", strength=True),),
+            parameters=(EffectParameter("U_b", "V", "0.1", "0", "3", strength=True, least=0.0),),
             dry=("U_b", "U_b"),
             needs=("terminal_voltage",),
         ),
@@ -52,8 +52,8 @@ SUPPLY_SAG = Effect(
     forms=(
         Form(
             parameters=(
-                EffectParameter("R_s", "ohm", "0.2", "0", "5", strength=True),
-                EffectParameter("U_s", "V", "12", "12", "12", constant=True),
+                EffectParameter("R_s", "ohm", "0.2", "0", "5", strength=True, least=0.0),
+                EffectParameter("U_s", "V", "12", "12", "12", constant=True, above=0.0),
             ),
             terms={"terminal_voltage": "-R_s * i * (motor_voltage_v / U_s) ** 2"},
             needs=("terminal_voltage", "motor_voltage_v", "i"),
@@ -70,7 +70,7 @@ DEAD_TIME = Effect(
     citation="S.-G. Jeong, M.-H. Park, IEEE Trans. Ind. Electron. 38 (1991) 108",
     forms=(
         Form(
-            parameters=(EffectParameter("U_d", "V", "0.2", "0", "3", strength=True),),
+            parameters=(EffectParameter("U_d", "V", "0.2", "0", "3", strength=True, least=0.0),),
             terms={"terminal_voltage": "-max(-U_d, min(U_d, motor_voltage_v))"},
             needs=("terminal_voltage", "motor_voltage_v"),
         ),
@@ -86,57 +86,11 @@ CONSTANT_SATURATION = Effect(
     citation="A. Hughes, Electric Motors and Drives, 5th ed. (2019), ch. 3: saturation of the iron",
     forms=(
         Form(
-            parameters=(EffectParameter("saturation", "1/A**2", "0.05", "0", "4", strength=True),),
+            parameters=(EffectParameter("saturation", "1/A**2", "0.05", "0", "4", strength=True, least=0.0),),
             factors={"motor_constant": "1 / (1 + saturation * i ** 2)"},
             needs=("motor_constant", "i"),
         ),
     ),
 )
 
-STRING_CREEP = Effect(
-    physics_id="string_creep",
-    equation="spring_force",
-    mechanical=False,
-    says="the string stretches on under load, viscoelastic",
-    sentence="The string creeps by {compliance} with a time constant of {tau}.",
-    citation="W. N. Findley, J. S. Lai, K. Onaran, Creep and Relaxation (1976), ch. 5: Kelvin element",
-    forms=(
-        Form(
-            parameters=(
-                EffectParameter("compliance", "m/N", "0.1 / k_m", "0", "5 / k_m", strength=True),
-                EffectParameter("tau", "s", "3", "0.05", "60"),
-            ),
-            states={"x_c": EffectState("m", "(string_force * compliance - x_c) / tau")},
-            terms={"extension": "-x_c"},
-            needs=("extension", "string_force"),
-        ),
-    ),
-)
-
-BACKLASH = Effect(
-    physics_id="backlash",
-    equation="transmission",
-    mechanical=False,
-    says="lost motion at each reversal",
-    sentence="{width} of travel is lost at each reversal.",
-    citation="M. Nordin, P.-O. Gutman, Automatica 38 (2002) 1633",
-    forms=(
-        Form(
-            parameters=(EffectParameter("width", "m", "0.0001", "0", "0.003", strength=True),),
-            # The forward flank is engaged at the start; in the gap the nut holds its place.
-            memories={"nut": EffectMemory("m", "r * theta", "r * theta + width", "nut_position_m")},
-            terms={"travel": "nut - r * theta"},
-            needs=("travel", "theta", "r"),
-        ),
-    ),
-)
-
-EFFECTS = (
-    WINDING_HEATING,
-    BRUSH_DROP,
-    SUPPLY_SAG,
-    DEAD_TIME,
-    CONSTANT_SATURATION,
-    STRING_CREEP,
-    BACKLASH,
-)
+EFFECTS = (WINDING_HEATING, BRUSH_DROP, SUPPLY_SAG, DEAD_TIME, CONSTANT_SATURATION)
