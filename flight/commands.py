@@ -1,4 +1,4 @@
-"""The command table: what each command does, and in which phases it is accepted.
+"""What each command does. Where it is accepted, with which arguments and from whom, says the dictionary.
 
 Commands of the ground and of the mission's own pilot pass here alike.
 """
@@ -10,29 +10,46 @@ from dataclasses import replace
 
 from flight import tensioning
 from flight.machine_tick import Tick
-from flight.monitors import Fault, firing_interlocks
-from flight.states import STOWED, Phase, Target
+from flight.monitor_settings import GROUPS
+from flight.monitors import Fault, firing_interlocks, reset_interlocks
+from flight.states import STOWED, LineFit, Machine, Phase, Target
+from hal.dictionary import CommandEntry, dictionary
 from hal.readings import GroundCommand
 
 
 def obey(tick: Tick, command: GroundCommand) -> None:
     """Carry out one command, or refuse it in words."""
-    handler = _COMMANDS.get(command.name)
-    if handler is None:
+    entry = dictionary().commands.get(command.name)
+    if entry is None:
         tick.refuse(command, "unknown command")
-    elif tick.machine.phase not in _ACCEPTED_IN[command.name]:
-        tick.refuse(command, f"not accepted in {tick.machine.phase}")
+    elif why := refusals(entry, command, tick.machine.phase):
+        tick.refuse(command, *why)
     else:
-        handler(tick, command)
+        before = len(tick.events)
+        _COMMANDS[command.name](tick, command)
+        if all(event.name != "command_refused" for event in tick.events[before:]):
+            tick.say("command_accepted", command=command.name, sequence=command.sequence)
+
+
+def refusals(entry: CommandEntry, command: GroundCommand, phase: Phase) -> tuple[str, ...]:
+    """What the dictionary has against a command in this phase; empty for nothing."""
+    if entry.authenticated and not command.authenticated:
+        return ("not authenticated",)
+    if not any(phase in GROUPS[name] for name in entry.accepted_in):
+        return (f"not accepted in {phase}",)
+    if command.name == SET_PARAMETER:  # its arguments are parameters
+        return ()
+    arguments = dict(command.arguments)
+    if set(arguments) != set(entry.arguments) or len(arguments) != len(command.arguments):
+        return (f"needs the arguments {', '.join(entry.arguments) or 'none'} and no other",)
+    outside = {name: entry.arguments[name].refusal(value) for name, value in arguments.items()}
+    return tuple(f"{name} = {why}" for name, why in outside.items() if why)
 
 
 def _obey_tension(tick: Tick, command: GroundCommand) -> None:
-    """`tension energy_j=E`: store the usable energy E."""
-    arguments, limits = dict(command.arguments), tick.settings.tension
-    energy_j = arguments.get("energy_j")
-    if set(arguments) != {"energy_j"} or energy_j is None:
-        tick.refuse(command, "needs the argument energy_j and no other")
-    elif not limits.min_energy_j <= energy_j <= limits.max_energy_j:  # also refuses NaN
+    """Store the usable energy `energy_j`."""
+    limits, energy_j = tick.settings.tension, dict(command.arguments)["energy_j"]
+    if not limits.min_energy_j <= energy_j <= limits.max_energy_j:
         tick.refuse(
             command, f"energy_j = {energy_j!r} is outside [{limits.min_energy_j:g}, {limits.max_energy_j:g}]"
         )
@@ -77,6 +94,34 @@ def _obey_abort(tick: Tick, command: GroundCommand) -> None:
         tick.fail(Fault("abort"))
 
 
+def _obey_reset(tick: Tick, command: GroundCommand) -> None:
+    """Out of SAFE: all that was known of the spring is forgotten, so that it counts as loaded again."""
+    forbidding = reset_interlocks(tick.machine, tick.snap, tick.settings)
+    if forbidding:
+        tick.refuse(command, *forbidding)
+        return
+    tick.say("left_safe", reason=tick.machine.reason)
+    start = Machine()
+    tick.go(
+        Phase.SELF_TEST,
+        reason="",
+        loaded=True,
+        unloaded_ticks=0,
+        home_m=start.home_m,
+        taut_m=start.taut_m,
+        target=None,
+        fire_s=None,
+        retries=0,
+        latch_line=LineFit(),
+    )
+
+
+def _obey_ping(tick: Tick, command: GroundCommand) -> None:
+    """Nothing: that it was heard is what counts."""
+
+
+SET_PARAMETER = "set_parameter"
+
 _COMMANDS: dict[str, Callable[[Tick, GroundCommand], None]] = {
     "tension": _obey_tension,
     "arm": _obey_arm,
@@ -84,17 +129,8 @@ _COMMANDS: dict[str, Callable[[Tick, GroundCommand], None]] = {
     "de_tension": _obey_de_tension,
     "stow": _obey_stow,
     "abort": _obey_abort,
-}
-
-_STANDING = frozenset({Phase.READY, Phase.TENSIONING, Phase.HOLD, Phase.ARMED})
-
-_ACCEPTED_IN: dict[str, frozenset[Phase]] = {
-    "tension": frozenset({Phase.READY}),
-    "arm": frozenset({Phase.HOLD}),
-    "fire": frozenset({Phase.ARMED}),
-    "de_tension": _STANDING,
-    "stow": _STANDING | {Phase.HOMING},
-    "abort": frozenset(Phase) - {Phase.SAFE},
+    "reset": _obey_reset,
+    "ping": _obey_ping,
 }
 
 COMMAND_NAMES = tuple(_COMMANDS)

@@ -9,17 +9,21 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from flight import hop_machine
+from flight.commands import SET_PARAMETER
 from flight.heartbeat import Heartbeat
 from flight.mission import HopReport, MissionPilot, MissionPlan, MissionResult
+from flight.parameter_command import changed
 from flight.record import HopRecorder
 from flight.sensing import Senses
 from flight.settings import FlightSettings
-from flight.states import Event, Machine, Outputs, Phase
+from flight.spring_record import SpringKeeper
+from flight.states import Event, Machine, Outputs, Phase, Snapshot
 from flight.surface_belief import SurfaceSettings, load_surfaces
 from flight.tensioning import energy_used_j
 from hal.board import Board
 from hal.errors import DeviceError
-from hal.log import LogSink
+from hal.log import LogSink, log_problem
+from hal.readings import GroundCommand
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +39,7 @@ class Progress:
 Watcher = Callable[[Progress], None]
 
 MOTOR_FAILED = "motor_command_failed"
+ACKNOWLEDGEMENTS = ("command_accepted", "command_refused", "parameter_set")
 
 
 class MotorFailed(Exception):
@@ -49,8 +54,11 @@ def fly(
     watch: Watcher | None = None,
     *,
     surfaces: SurfaceSettings | None = None,
+    stay_s: float = 0.0,
 ) -> MissionResult:
     """Fly the mission from power-up to SAFE and return what came of it.
+
+    `stay_s` is how long it stays in SAFE, listening for the ground's `reset`, before it ends.
 
     `surfaces` are the known surfaces, those of `config/surfaces.yaml` unless given (raises `ConfigError` when
     that file is refused).
@@ -62,7 +70,7 @@ def fly(
     pilot = MissionPilot(mission, settings, surfaces or load_surfaces())
     executive = _Executive(board, settings, pilot, log)
     try:
-        while executive.machine.phase is not Phase.SAFE:
+        while not executive.ended(stay_s):
             executive.tick()
             if watch is not None:
                 watch(executive.progress())
@@ -82,6 +90,7 @@ class _Executive:
     machine: Machine = field(default_factory=Machine)
     recorder: HopRecorder = field(default_factory=HopRecorder)
     _senses: Senses = field(init=False)
+    _spring: SpringKeeper = field(init=False)
     _due_s: float | None = None
     _stroked_s: float | None = None
     _hop_rate: bool | None = None
@@ -90,6 +99,12 @@ class _Executive:
 
     def __post_init__(self) -> None:
         self._senses = Senses(self.board, self.recorder)
+        self._spring = SpringKeeper(self.board.memory)
+
+    def ended(self, stay_s: float) -> bool:
+        """Whether it is over: in SAFE, and nobody has let it out for so long."""
+        machine = self.machine
+        return machine.phase is Phase.SAFE and self._now_s - machine.since_s >= stay_s
 
     def tick(self) -> None:
         """One tick. The watchdog is stroked last: only a tick that went through keeps the power on."""
@@ -97,16 +112,17 @@ class _Executive:
         if self._due_s is None:
             self._start(now_s)
         late_s = now_s - (self._due_s or now_s)
-        snap, events = self._senses.snapshot(
-            now_s, late_s, self._power_maybe_cut(now_s), magnet_failed=self._magnet_on is None
-        )
+        heard = self.board.ground_link.receive()
+        snap, events = self._snapshot(now_s, late_s, ground_heard=bool(heard))
         if late_s > self.settings.tick.overrun_share * self.settings.tick.period_s:
-            events.append(Event("tick_overrun", "warning", {"late_s": late_s}))
-        commands = self.board.ground_link.receive() + self.pilot.commands(self.machine, now_s)
+            events.append(Event("tick_late", {"late_s": late_s}))
+        commands = self._take_parameters(heard, events) + self.pilot.commands(self.machine, now_s)
         before = self.machine
         answer = hop_machine.step(before, snap, commands, self.settings)
         self.machine = answer.machine
-        self._apply(answer.outputs)
+        unkept = self._spring.keep(self.machine)  # on record first, then done
+        events += [unkept] if unkept else []
+        self._apply(replace(answer.outputs, magnet_on=False) if self._spring.failed else answer.outputs)
         self._tell(before, (*events, *answer.events), answer.outputs)
         if self.machine.phase is Phase.ARMED and before.phase is not Phase.ARMED:
             self.recorder.clear()
@@ -114,8 +130,9 @@ class _Executive:
         if answer.outputs.evaluate:
             self._evaluate()
             done_s = self.board.clock.now_s()  # it may take longer than a tick, and keeps the watchdog up
-        self._stroke()
-        self._stroked_s = done_s
+        if answer.monitors_alive:
+            self._stroke()
+            self._stroked_s = done_s
         self._wait(done_s)
 
     def progress(self) -> Progress:
@@ -129,7 +146,7 @@ class _Executive:
         before, named = self.machine.phase, self.machine.reason_after(reason)
         self.machine = replace(self.machine, phase=Phase.SAFE, reason=named)
         with suppress(Exception):  # log or link may be what failed
-            self._event(Event("fault", "fault", {"reason": reason, "error": str(error)}))
+            self._event(Event("fault", {"reason": reason, "error": str(error)}))
             self._state(before, Phase.SAFE, reason)
 
     def outputs_off(self) -> None:
@@ -142,7 +159,7 @@ class _Executive:
                 switch_off()
             except Exception as error:  # the watchdog, no longer stroked, is what is left
                 with suppress(Exception):
-                    self._event(Event("actuator_failed", "fault", {"device": name, "error": str(error)}))
+                    self._event(Event("actuator_failed", {"device": name, "error": str(error)}))
 
     def _start(self, now_s: float) -> None:
         sensors = self.settings.sensors
@@ -151,10 +168,30 @@ class _Executive:
         self._due_s = now_s
         self._stroked_s = now_s
         self.machine = replace(self.machine, since_s=now_s, moved_s=now_s)
+        self._event(self._spring.found())
 
-    def _power_maybe_cut(self, now_s: float) -> bool:
-        allowed_s = self.settings.tick.watchdog_margin * self.board.watchdog.timeout_s
-        return self._stroked_s is not None and now_s - self._stroked_s > allowed_s
+    def _snapshot(self, now_s: float, late_s: float, ground_heard: bool) -> tuple[Snapshot, list[Event]]:
+        stroked_s = now_s if self._stroked_s is None else self._stroked_s
+        return self._senses.snapshot(
+            now_s,
+            late_s,
+            unstroked_share=(now_s - stroked_s) / self.board.watchdog.timeout_s,
+            magnet_failed=self._magnet_on is None,
+            log_failed=bool(log_problem(self.log)),
+            memory_failed=self._spring.failed,
+            ground_heard=ground_heard,
+        )
+
+    def _take_parameters(
+        self, commands: tuple[GroundCommand, ...], events: list[Event]
+    ) -> tuple[GroundCommand, ...]:
+        """Carry out the changes of parameters; the other commands are for the machine."""
+        for command in commands:
+            if command.name == SET_PARAMETER:
+                self.settings, event = changed(self.settings, command, self.machine.phase)
+                self.pilot.settings = self.settings
+                events.append(event)
+        return tuple(command for command in commands if command.name != SET_PARAMETER)
 
     def _apply(self, outputs: Outputs) -> None:
         if outputs.magnet_on != self._magnet_on:
@@ -176,7 +213,7 @@ class _Executive:
             (self.board.magnet.switch_on if on else self.board.magnet.switch_off)()
         except DeviceError as error:
             if self._magnet_on is not None:
-                self._event(Event("actuator_failed", "fault", {"device": "magnet", "error": str(error)}))
+                self._event(Event("actuator_failed", {"device": "magnet", "error": str(error)}))
             self._magnet_on = None
         else:
             self._magnet_on = on
@@ -198,6 +235,8 @@ class _Executive:
         period_s = self.settings.tick.period_s
         assert self._due_s is not None
         self._due_s += period_s * max(1, 1 + int((now_s - self._due_s) / period_s))
+        if self._due_s > now_s + 2.0 * period_s:  # the clock has gone back
+            self._due_s = now_s + period_s
         self.board.clock.sleep_until_s(self._due_s)
 
     def _tell(self, before: Machine, events: tuple[Event, ...], outputs: Outputs) -> None:
@@ -222,7 +261,9 @@ class _Executive:
     def _event(self, event: Event) -> None:
         payload: dict[str, Any] = {"name": event.name, "severity": event.severity, **event.details}
         self.log.write("event", self._now_s, payload)
-        if event.severity != "info":
+        if event.name in ACKNOWLEDGEMENTS:
+            self.board.ground_link.send("acknowledgement", json.dumps(payload))
+        elif event.severity != "info":
             self.board.ground_link.send("event", json.dumps(payload))
 
     def _state(self, old: Phase, new: Phase, reason: str) -> None:

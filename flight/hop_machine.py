@@ -1,8 +1,8 @@
 """The hop state machine: a pure function from (machine, snapshot, commands) to (machine, outputs, events).
 
 It holds no clock, no device and no randomness. The magnet is on in FIRING and nowhere else; FIRING is entered
-only from ARMED by a `fire` command that every interlock lets pass; any fault leads to SAFE with its name, by
-way of DE_TENSION when the spring is loaded and the drive can be trusted.
+only from ARMED by a `fire` command that every interlock lets pass; any fault leads to SAFE with its name, as the
+fault table says: by way of DE_TENSION or SAFE_HOLD when the spring is loaded and the drive can be trusted.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from dataclasses import replace
 from flight import tensioning
 from flight.commands import obey
 from flight.machine_tick import Tick
-from flight.monitors import find_fault
+from flight.monitors import find_fault, watch
 from flight.phases import ACTIONS
-from flight.settings import FlightSettings
+from flight.settings import DriveSettings, FlightSettings
 from flight.states import Machine, Outputs, Phase, Sameness, Snapshot, Step
 from hal.readings import GroundCommand
 
@@ -24,8 +24,9 @@ def step(
     machine: Machine, snap: Snapshot, commands: Sequence[GroundCommand], settings: FlightSettings
 ) -> Step:
     """One tick: observe, look for faults, obey commands, act by phase. Pure."""
-    tick = Tick(_observe(machine, snap, settings), snap, settings)
-    fault = None if machine.phase is Phase.SAFE else find_fault(tick.machine, snap, settings)
+    observed, dead = watch(_observe(machine, snap, settings), snap, settings)
+    tick = Tick(observed, snap, settings)
+    fault = None if machine.phase is Phase.SAFE else find_fault(observed, dead, settings)
     if fault is not None:
         tick.fail(fault)
     for command in commands:
@@ -37,7 +38,7 @@ def step(
     if tick.machine.phase is Phase.SAFE:
         outputs = Outputs()
     after = replace(tick.machine, voltage_v=outputs.voltage_v)
-    return Step(after, outputs, tuple(tick.events))
+    return Step(after, outputs, tuple(tick.events), monitors_alive=not dead)
 
 
 def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Machine:
@@ -48,7 +49,6 @@ def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Mach
     speed_m_s = travel_m / elapsed_s if elapsed_s > 0.0 else 0.0
     followed = abs(speed_m_s) >= safety.stall_speed_m_s
     steady = abs(speed_m_s) < safety.stable_speed_m_s
-    over = abs(snap.motor_current_a) > safety.over_current_a
     drawn_a = max(snap.motor_current_a, 0.0)
     return replace(
         _observe_sameness(_observe_load(machine, snap, travel_m, settings), snap, running=followed),
@@ -57,8 +57,10 @@ def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Mach
         speed_m_s=speed_m_s,
         moved_s=snap.time_s if followed or first else machine.moved_s,
         stable_ticks=machine.stable_ticks + 1 if steady else 0,
-        over_current_ticks=machine.over_current_ticks + 1 if over else 0,
-        disobeyed_ticks=_disobeyed_ticks(machine, snap, speed_m_s, settings),
+        elapsed_s=None if first else elapsed_s,
+        failed_reads=machine.failed_reads * (1.0 - 1.0 / safety.error_memory_ticks) + snap.failed_reads,
+        winding_rise_k=_winding_rise_k(machine, snap, elapsed_s, settings.drive),
+        heard_s=snap.time_s if snap.ground_heard else machine.heard_s,
         mean_current_a=machine.mean_current_a
         + settings.drive.current_smoothing * (drawn_a - machine.mean_current_a),
     )
@@ -74,13 +76,11 @@ def _observe_sameness(machine: Machine, snap: Snapshot, running: bool) -> Machin
     return replace(machine, same_current=current, same_force=force)
 
 
-def _disobeyed_ticks(machine: Machine, snap: Snapshot, speed_m_s: float, settings: FlightSettings) -> int:
-    """For how many ticks current and speed have not shown the voltage that was commanded."""
-    safety = settings.safety
-    if max(snap.age_s("nut_encoder"), snap.age_s("motor_current")) > safety.firing_age_s:
-        return machine.disobeyed_ticks  # nothing new is known
-    error_v = tensioning.disobedience_v(machine.voltage_v, snap.motor_current_a, speed_m_s, settings.drive)
-    return machine.disobeyed_ticks + 1 if error_v > safety.disobey_voltage_v else 0
+def _winding_rise_k(machine: Machine, snap: Snapshot, elapsed_s: float, drive: DriveSettings) -> float:
+    """Winding above its surroundings: one thermal mass, heated by R i², cooled through one resistance."""
+    heat_k = drive.winding_resistance_k_w * drive.resistance_ohm * snap.motor_current_a**2
+    share = min(1.0, max(0.0, elapsed_s) / drive.winding_time_constant_s)
+    return machine.winding_rise_k + share * (heat_k - machine.winding_rise_k)
 
 
 def _observe_load(machine: Machine, snap: Snapshot, travel_m: float, settings: FlightSettings) -> Machine:

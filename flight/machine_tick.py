@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from flight import tensioning
+from flight.monitor_settings import Response
 from flight.monitors import Fault
 from flight.settings import FlightSettings
 from flight.states import TRANSITIONS, Event, Machine, Phase, Snapshot
@@ -25,8 +26,8 @@ class Tick:
     def in_phase_s(self) -> float:
         return self.snap.time_s - self.machine.since_s
 
-    def say(self, name: str, severity: str = "info", **details: Any) -> None:
-        self.events.append(Event(name, severity, details))
+    def say(self, name: str, **details: Any) -> None:
+        self.events.append(Event(name, details))
 
     def go(self, phase: Phase, **changes: Any) -> None:
         """Enter another phase; one that must not follow the present one is a programming error."""
@@ -36,22 +37,42 @@ class Tick:
         self.machine = replace(self.machine, phase=phase, since_s=now_s, moved_s=now_s, **changes)
 
     def fail(self, fault: Fault) -> None:
-        """Answer a fault: relax a loaded spring under control if the drive can be trusted, else stop."""
-        trusted = self.machine.drive_trusted and fault.drive_trusted
-        self.say("fault", "fault", reason=fault.reason, phase=str(self.machine.phase), drive_trusted=trusted)
-        relaxing = self.machine.phase is Phase.DE_TENSION
+        """Answer a fault as the table says; what cannot be done any more gives way to what can."""
+        response = self._response(fault)
+        if response is Response.RETRY:
+            self.say("retry", reason=fault.reason, count=self.machine.retries + 1)
+            self.go(Phase.HOMING, retries=self.machine.retries + 1)
+            return
+        trusted = self.machine.drive_trusted and response is not Response.POWER_OFF
+        self.say("fault", reason=fault.reason, phase=str(self.machine.phase), drive_trusted=trusted)
         reason = self.machine.reason_after(fault.reason)
-        relax = self.machine.loaded and trusted and not relaxing
-        self.go(Phase.DE_TENSION if relax else Phase.SAFE, reason=reason, drive_trusted=trusted)
+        self.go(self._refuge(response, trusted), reason=reason, drive_trusted=trusted)
+
+    def _response(self, fault: Fault) -> Response:
+        rule = self.settings.monitors[fault.monitor]
+        spent = self.machine.retries >= rule.retries or self.machine.phase is not Phase.LATCH_CHECK
+        return Response(rule.then if rule.response == Response.RETRY and spent else rule.response)
+
+    def _refuge(self, response: Response, trusted: bool) -> Phase:
+        """Where a fault leads: a loaded spring is held or relaxed while the drive can be trusted."""
+        if not (self.machine.loaded and trusted) or self.machine.phase is Phase.DE_TENSION:
+            return Phase.SAFE
+        holding = response is Response.SAFE_HOLD and self.machine.phase is not Phase.SAFE_HOLD
+        return Phase.SAFE_HOLD if holding else Phase.DE_TENSION
 
     def refuse(self, command: GroundCommand, *why: str) -> None:
         self.say(
-            "command_refused", "warning", command=command.name, phase=str(self.machine.phase), why=list(why)
+            "command_refused",
+            command=command.name,
+            phase=str(self.machine.phase),
+            why=list(why),
+            sequence=command.sequence,
         )
 
     def drive(self, wanted_m_s: float) -> float:
         """The slew-limited voltage for a nut speed."""
         machine, settings = self.machine, self.settings
+        self.machine = replace(machine, wanted_m_s=wanted_m_s)
         wanted_v = tensioning.drive_voltage_v(
             wanted_m_s, machine.speed_m_s, machine.compression_m, machine.mean_current_a, settings
         )
@@ -59,7 +80,13 @@ class Tick:
 
     def hold(self) -> float:
         """The slew-limited voltage that keeps the nut where it is."""
+        self.machine = replace(self.machine, wanted_m_s=0.0)
         return self.slew(tensioning.hold_voltage_v(self.machine.compression_m, self.settings))
+
+    def stop(self) -> float:
+        """The slew-limited voltage on the way to none."""
+        self.machine = replace(self.machine, wanted_m_s=0.0)
+        return self.slew(0.0)
 
     def slew(self, wanted_v: float) -> float:
         tick = self.settings.tick

@@ -155,6 +155,11 @@ class MissionResult:
         return self.end_reason == STOWED and made and not self.spring_loaded
 
 
+def _own(now_s: float, name: str, arguments: tuple[tuple[str, float], ...] = ()) -> GroundCommand:
+    """A command of the mission, which was loaded on board and needs no signature."""
+    return GroundCommand(now_s, name, arguments, authenticated=True)
+
+
 @dataclass
 class MissionPilot:
     """The autonomous source of commands, and the keeper of what the hops have told.
@@ -185,17 +190,17 @@ class MissionPilot:
         done = len(self.reports) >= len(self.plan.hops)
         if machine.phase is Phase.READY:
             if done:
-                return GroundCommand(now_s, "stow")
+                return _own(now_s, "stow")
             energy_j = self.plan.hops[len(self.reports)].energy_j
-            return GroundCommand(now_s, "tension", (("energy_j", energy_j),))
+            return _own(now_s, "tension", (("energy_j", energy_j),))
         if machine.phase is Phase.HOMING and done:
-            return GroundCommand(now_s, "stow")
+            return _own(now_s, "stow")
         if machine.phase is Phase.HOLD:
-            return GroundCommand(now_s, "arm")
+            return _own(now_s, "arm")
         # One tick more than the least time, so that rounding of the clock does not cost a refusal.
         waited_s = now_s - machine.since_s - self.settings.tick.period_s
         if machine.phase is Phase.ARMED and waited_s > self.settings.timeouts.arm_min_s:
-            return GroundCommand(now_s, "fire")
+            return _own(now_s, "fire")
         return None
 
     def evaluate(self, record: HopRecord, heartbeat: Heartbeat | None = None) -> HopReport:

@@ -20,9 +20,9 @@ def _self_test(tick: Tick) -> Outputs:
     failures = self_test_failures(tick.snap, tick.settings)
     if failures:
         if tick.in_phase_s > tick.settings.timeouts.self_test_s:
-            tick.fail(Fault(f"self_test_{failures[0]}", drive_trusted=False))
+            tick.fail(Fault("self_test_failed", f"self_test_{failures[0]}"))
     elif tick.machine.compression_m > tick.settings.safety.unloaded_compression_m:
-        tick.say("loaded_at_power_up", "warning", compression_m=tick.machine.compression_m)
+        tick.say("loaded_at_power_up", compression_m=tick.machine.compression_m)
         tick.go(Phase.DE_TENSION)
     else:
         tick.go(Phase.HOMING)
@@ -35,7 +35,7 @@ def _homing(tick: Tick) -> Outputs:
     tick.machine = replace(tick.machine, moved_s=tick.snap.time_s)  # at rest on purpose: no stall
     if not tick.machine.loaded:
         tick.go(Phase.LATCH_CHECK, home_m=tick.snap.nut_position_m, taut_m=None, latch_line=LineFit())
-    return Outputs(tick.slew(0.0))
+    return Outputs(tick.stop())
 
 
 def _latch_check(tick: Tick) -> Outputs:
@@ -43,7 +43,7 @@ def _latch_check(tick: Tick) -> Outputs:
     machine, snap, safety = tick.machine, tick.snap, tick.settings.safety
     if not snap.latch_closed:  # it snaps in when the nut comes home; give it until the phase's timeout
         tick.machine = replace(machine, moved_s=snap.time_s)
-        return Outputs(tick.slew(0.0))
+        return Outputs(tick.stop())
     travel_m = snap.nut_position_m - (machine.home_m or 0.0)
     if machine.compression_m < safety.latch_check_start_m:
         if travel_m > safety.max_slack_m:
@@ -61,12 +61,12 @@ def _latch_check(tick: Tick) -> Outputs:
 def _judge_latch(tick: Tick, line: LineFit) -> Outputs:
     expected = 1.0 / tick.settings.rig.travel_per_compression
     if abs(line.slope / expected - 1.0) > tick.settings.safety.latch_check_slope_tolerance:
-        tick.say("latch_slope", "warning", slope=line.slope, expected=expected)
+        tick.say("latch_slope", slope=line.slope, expected=expected)
         tick.fail(Fault("latch_does_not_hold"))
         return Outputs()
     taut_m = (tick.machine.home_m or 0.0) + line.crossing(expected)
     tick.say("string_taut_found", position_m=taut_m, slope=line.slope)
-    tick.go(Phase.READY, taut_m=taut_m)
+    tick.go(Phase.READY, taut_m=taut_m, retries=0)
     return Outputs(tick.hold())
 
 
@@ -107,7 +107,7 @@ def _hold(tick: Tick) -> Outputs:
 
 def _armed(tick: Tick) -> Outputs:
     if tick.in_phase_s > tick.settings.timeouts.arm_window_s:
-        tick.say("arm_expired", "warning")
+        tick.say("arm_expired")
         tick.go(Phase.HOLD)
     return Outputs(tick.hold(), spring_hop_rate=True)
 
@@ -123,8 +123,6 @@ def _firing(tick: Tick) -> Outputs:
         tick.say("released", compression_m=snap.compression_m)
         tick.go(Phase.FLIGHT, loaded=False, quiet_s=None)
         return Outputs(spring_hop_rate=True)
-    if tick.in_phase_s > tick.settings.timeouts.release_s:
-        tick.fail(Fault("misfire"))
     return Outputs(tick.hold(), magnet_on=True, spring_hop_rate=True)
 
 
@@ -159,9 +157,14 @@ def _evaluate(tick: Tick) -> Outputs:
 
 
 def _de_tension(tick: Tick) -> Outputs:
-    """Drive the nut home at a controlled speed; the home switch, not a guess, says when it is done."""
+    """Drive the nut home at a controlled speed; the home switch, not a guess, says when it is done.
+
+    A switch that is closed while the spring shows a load is not believed, unless the encoder agrees with it.
+    """
     machine, snap, safety = tick.machine, tick.snap, tick.settings.safety
-    if not snap.at_home:
+    loaded_m = 2.0 * safety.unloaded_compression_m
+    by_encoder = machine.home_m is not None and snap.nut_position_m - machine.home_m < safety.home_agreement_m
+    if not snap.at_home or (snap.compression_m > loaded_m and not by_encoder):
         return Outputs(tick.drive(tick.homeward_m_s()))
     tick.machine = machine = replace(machine, moved_s=snap.time_s)
     spring_known = snap.age_s("spring") <= safety.sensor_age_s
@@ -172,11 +175,16 @@ def _de_tension(tick: Tick) -> Outputs:
             fresh = LineFit()
             tick.go(Phase.LATCH_CHECK, home_m=snap.nut_position_m, taut_m=None, target=None, latch_line=fresh)
     elif not spring_known:
-        tick.say("spring_state_unknown", "warning")
+        tick.say("spring_state_unknown")
         tick.go(Phase.SAFE, reason=machine.reason_after("spring_state_unknown"))
-    elif snap.compression_m > 2.0 * safety.unloaded_compression_m:
+    elif snap.compression_m > loaded_m:
         tick.go(Phase.SAFE, reason=machine.reason_after("spring_loaded_at_home"))
-    return Outputs(tick.slew(0.0))
+    return Outputs(tick.stop())
+
+
+def _safe_hold(tick: Tick) -> Outputs:
+    """Keep the nut where it is until the ground says what to do, or the time for it is over."""
+    return Outputs(tick.hold())
 
 
 def _safe(tick: Tick) -> Outputs:
@@ -197,5 +205,6 @@ ACTIONS: dict[Phase, Callable[[Tick], Outputs]] = {
     Phase.LANDED: _landed,
     Phase.EVALUATE: _evaluate,
     Phase.DE_TENSION: _de_tension,
+    Phase.SAFE_HOLD: _safe_hold,
     Phase.SAFE: _safe,
 }

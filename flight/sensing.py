@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from flight.record import HopRecorder
 from flight.states import Event, Snapshot
@@ -22,18 +22,22 @@ class Senses:
     recorder: HopRecorder
     latest: Snapshot = field(default_factory=lambda: Snapshot(0.0))
     _failing: set[str] = field(default_factory=set)
+    _failed: int = 0
 
-    def snapshot(
-        self, now_s: float, late_s: float, power_maybe_cut: bool, magnet_failed: bool
-    ) -> tuple[Snapshot, list[Event]]:
-        """Read all sensors; returns what is known, and an event for each that fails or recovers."""
+    def snapshot(self, now_s: float, late_s: float, **known: Any) -> tuple[Snapshot, list[Event]]:
+        """Read all sensors; returns what is known, and an event for each that fails or recovers.
+
+        `known` are the fields of `Snapshot` that no sensor tells.
+        """
         events: list[Event] = []
         board, old = self.board, self.latest
+        self._failed = 0
         values = {name: getattr(old, name) for name in old.__slots__ if name not in ("time_s", "sampled_s")}
         sampled = dict(old.sampled_s)
         motor = self._try("motor_current", board.motor_current.read, events)
         if motor is not None:
             values["motor_current_a"], sampled["motor_current"] = motor.current_a, motor.time_s
+            values["supply_v"] = motor.supply_v
         nut = self._try("nut_encoder", board.nut_encoder.read, events)
         if nut is not None:
             values["nut_position_m"], sampled["nut_encoder"] = nut.position_m, nut.time_s
@@ -53,8 +57,7 @@ class Senses:
             values["specific_force_m_s2"], sampled["accelerometer"] = newest[-1], force.times_s[-1]
             values["specific_force_low_m_s2"], values["specific_force_high_m_s2"] = min(newest), max(newest)
         self.recorder.add(force, spring, magnet)
-        values["tick_late_s"], values["power_maybe_cut"] = late_s, power_maybe_cut
-        values["magnet_failed"] = magnet_failed
+        values |= {"tick_late_s": late_s, "failed_reads": self._failed, **known}
         self.latest = Snapshot(time_s=now_s, sampled_s=sampled, **values)
         return self.latest, events
 
@@ -62,11 +65,12 @@ class Senses:
         try:
             reading = read()
         except ReadFailed as error:
+            self._failed += 1
             if name not in self._failing:
-                events.append(Event("read_failed", "warning", {"sensor": name, "error": str(error)}))
+                events.append(Event("read_failed", {"sensor": name, "error": str(error)}))
             self._failing.add(name)
             return None
         if name in self._failing:
             self._failing.discard(name)
-            events.append(Event("read_recovered", "info", {"sensor": name}))
+            events.append(Event("read_recovered", {"sensor": name}))
         return reading

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from flight.monitor_settings import MonitorSettings, monitors_problem
+from flight.parameters import parameters_problem
 from flight.rig import NotNegative, Positive, Share, rig_problem
 from flight.rig import RigSettings as RigSettings
 from hal.config import Limits, config_path, load_settings
@@ -21,7 +23,6 @@ class TickSettings:
 
     rate_hz: Annotated[float, Limits(10.0, 2000.0)]
     overrun_share: Share
-    watchdog_margin: Share
 
     @property
     def period_s(self) -> float:
@@ -66,6 +67,8 @@ class DriveSettings:
     voltage_slew_v_s: Positive
     power_limit_w: Positive
     power_margin: Annotated[float, Limits(0.1, 1.0)]
+    winding_resistance_k_w: Positive
+    winding_time_constant_s: Positive
     current_smoothing: Annotated[float, Limits(0.001, 1.0)]
     speed_gain: NotNegative
     tensioning_speed_m_s: Positive
@@ -95,23 +98,13 @@ class TensionSettings:
 class SafetySettings:
     """Limits of the monitors and interlocks."""
 
-    max_compression_m: Positive
-    max_travel_m: Positive
     max_slack_m: Positive
     unloaded_compression_m: Positive
     latch_check_compression_m: Positive
     latch_check_start_m: Positive
     latch_check_slope_tolerance: Share
-    disagreement_m: Positive
     disagreement_share: Share
-    early_release_share: Share
-    over_current_a: Positive
-    over_current_ticks: Count
-    stuck_samples: Count
-    disobey_voltage_v: Positive
-    disobey_ticks: Count
     stall_speed_m_s: Positive
-    stall_s: Positive
     sensor_age_s: Positive
     firing_age_s: Positive
     firing_energy_tolerance: Share
@@ -120,6 +113,9 @@ class SafetySettings:
     standing_tolerance_m_s2: Positive
     static_tolerance_share: Share
     idle_current_a: Positive
+    home_agreement_m: Positive
+    magnet_rise_s: Positive
+    error_memory_ticks: Count
 
 
 @dataclass(frozen=True)
@@ -127,18 +123,10 @@ class TimeoutSettings:
     """How long each phase may take."""
 
     self_test_s: Positive
-    homing_s: Positive
-    de_tension_s: Positive
-    latch_s: Positive
-    tensioning_s: Positive
-    hold_s: Positive
     arm_min_s: Positive
     arm_window_s: Positive
-    release_s: Positive
-    flight_s: Positive
     landing_quiet_s: Positive
     flight_min_s: Positive
-    ready_s: Positive
 
 
 @dataclass(frozen=True)
@@ -167,6 +155,12 @@ class FlightSettings:
     safety: SafetySettings
     timeouts: TimeoutSettings
     sensors: SensorSettings
+    monitors: dict[str, MonitorSettings]
+
+    @property
+    def max_compression_m(self) -> float:
+        """Compression beyond which the fault table ends the tensioning."""
+        return self.monitors["over_compression"].above or 0.0
 
 
 def load(path: Path | None = None) -> FlightSettings:
@@ -176,28 +170,39 @@ def load(path: Path | None = None) -> FlightSettings:
     """
     where = path or config_path("flight.yaml")
     settings = load_settings(where, FlightSettings)
-    for problem in (rig_problem(settings.rig), _motion_problem(settings), _safety_problem(settings)):
-        if problem:
-            raise ConfigError(f"{where}: {problem}")
+    if problem := settings_problem(settings):
+        raise ConfigError(f"{where}: {problem}")
     return settings
+
+
+def settings_problem(settings: FlightSettings) -> str:
+    """What is wrong with settings, in words: outside the dictionary, or in contradiction; empty for nothing."""
+    return (
+        parameters_problem(settings)
+        or monitors_problem(settings.monitors)
+        or rig_problem(settings.rig)
+        or _motion_problem(settings)
+        or _safety_problem(settings)
+    )
 
 
 def _motion_problem(settings: FlightSettings) -> str:
     rig, drive, safety = settings.rig, settings.drive, settings.safety
+    most_travel_m = settings.monitors["over_travel"].above or 0.0
     weight_n = rig.body_mass_kg * rig.gravity_m_s2
-    most_m = safety.max_compression_m
+    most_m = settings.max_compression_m
     most_j = 0.5 * rig.spring_stiffness_n_m * most_m**2 + weight_n * most_m
     if settings.tension.max_energy_j > most_j:
         return (
             f"tension.max_energy_j = {settings.tension.max_energy_j:g} is beyond what "
-            f"safety.max_compression_m = {most_m:g} stores ({most_j:.4g} J)"
+            f"monitors.over_compression.above = {most_m:g} stores ({most_j:.4g} J)"
         )
     if settings.tension.min_energy_j >= settings.tension.max_energy_j:
         return "tension.min_energy_j must be below tension.max_energy_j"
-    if most_m * rig.travel_per_compression > safety.max_travel_m:
+    if most_m * rig.travel_per_compression > most_travel_m:
         return (
-            f"safety.max_travel_m = {safety.max_travel_m:g} does not reach "
-            f"safety.max_compression_m = {most_m:g} ({most_m * rig.travel_per_compression:.4g} m of travel)"
+            f"monitors.over_travel.above = {most_travel_m:g} does not reach "
+            f"monitors.over_compression.above = {most_m:g} ({most_m * rig.travel_per_compression:.4g} m of travel)"
         )
     if drive.creep_speed_m_s <= safety.stall_speed_m_s:
         return "drive.creep_speed_m_s must be above safety.stall_speed_m_s"

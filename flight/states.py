@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from hal.dictionary import dictionary
+
 
 class Phase(StrEnum):
     """Where the robot is between power-up and the evaluated hop."""
@@ -23,17 +25,18 @@ class Phase(StrEnum):
     LANDED = "landed"
     EVALUATE = "evaluate"
     DE_TENSION = "de_tension"
+    SAFE_HOLD = "safe_hold"
     SAFE = "safe"
 
 
-_ALWAYS = frozenset({Phase.DE_TENSION, Phase.SAFE})
+_ALWAYS = frozenset({Phase.DE_TENSION, Phase.SAFE_HOLD, Phase.SAFE})
 
-# Phases that may follow each phase (besides staying). DE_TENSION and SAFE may follow any.
+# Phases that may follow each phase (besides staying). DE_TENSION, SAFE_HOLD and SAFE may follow any that works.
 TRANSITIONS: dict[Phase, frozenset[Phase]] = {
     Phase.POWER_UP: frozenset({Phase.SELF_TEST}) | _ALWAYS,
     Phase.SELF_TEST: frozenset({Phase.HOMING}) | _ALWAYS,
     Phase.HOMING: frozenset({Phase.LATCH_CHECK}) | _ALWAYS,
-    Phase.LATCH_CHECK: frozenset({Phase.READY}) | _ALWAYS,
+    Phase.LATCH_CHECK: frozenset({Phase.READY, Phase.HOMING}) | _ALWAYS,
     Phase.READY: frozenset({Phase.TENSIONING}) | _ALWAYS,
     Phase.TENSIONING: frozenset({Phase.HOLD}) | _ALWAYS,
     Phase.HOLD: frozenset({Phase.ARMED}) | _ALWAYS,
@@ -43,7 +46,8 @@ TRANSITIONS: dict[Phase, frozenset[Phase]] = {
     Phase.LANDED: frozenset({Phase.EVALUATE}) | _ALWAYS,
     Phase.EVALUATE: frozenset({Phase.HOMING}) | _ALWAYS,
     Phase.DE_TENSION: frozenset({Phase.LATCH_CHECK, Phase.SAFE}),
-    Phase.SAFE: frozenset(),
+    Phase.SAFE_HOLD: frozenset({Phase.DE_TENSION, Phase.SAFE}),
+    Phase.SAFE: frozenset({Phase.SELF_TEST}),  # by the ground's `reset` alone
 }
 
 STOWED = "stowed"
@@ -72,8 +76,13 @@ class Snapshot:
     specific_force_high_m_s2: float = 0.0
     sampled_s: dict[str, float] = field(default_factory=dict)
     tick_late_s: float = 0.0
-    power_maybe_cut: bool = False
+    unstroked_share: float = 0.0  # time since the watchdog was stroked, of its timeout
     magnet_failed: bool = False  # it did not take its newest command
+    log_failed: bool = False  # what happens is no longer recorded
+    memory_failed: bool = False  # the state of the spring could not be put on record
+    supply_v: float | None = None  # where the board measures it
+    failed_reads: int = 0  # at this tick
+    ground_heard: bool = False  # a command of the ground came with this tick
 
     def age_s(self, sensor: str) -> float:
         """Age of the sensor's newest sample; infinite if there is none."""
@@ -149,8 +158,12 @@ class Machine:
     speed_m_s: float = 0.0
     compression_m: float = 0.0  # spring sensor and encoder, fused
     moved_s: float = 0.0  # last time at which the nut was seen to follow the voltage
-    over_current_ticks: int = 0
-    disobeyed_ticks: int = 0
+    wanted_m_s: float = 0.0  # the nut speed asked of the drive
+    beyond_ticks: dict[str, int] = field(default_factory=dict)  # by monitor: ticks beyond its limit
+    failed_reads: float = 0.0  # of any sensor, those long ago forgotten
+    winding_rise_k: float = 0.0  # of the motor, above its surroundings
+    heard_s: float | None = None  # when the ground was heard last
+    retries: int = 0  # of the latch test
     same_current: Sameness = Sameness()
     same_force: Sameness = Sameness()
     unloaded_ticks: int = 0
@@ -158,6 +171,7 @@ class Machine:
     quiet_s: float | None = None
     latch_line: LineFit = LineFit()
     last_s: float | None = None
+    elapsed_s: float | None = None  # between the two newest ticks
 
     def reason_after(self, reason: str) -> str:
         """Why it ends, now that `reason` came up too: the first fault. A plan to stow gives way to any."""
@@ -176,11 +190,15 @@ class Outputs:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something worth telling: a name, how bad it is (info, warning, fault) and its particulars."""
+    """Something worth telling: a name of the dictionary, its severity there, and the particulars."""
 
     name: str
-    severity: str = "info"
     details: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def severity(self) -> str:
+        """info, warning or fault. Raises `KeyError` for a name that is not in the dictionary."""
+        return dictionary().events[self.name].severity
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,3 +208,4 @@ class Step:
     machine: Machine
     outputs: Outputs
     events: tuple[Event, ...] = ()
+    monitors_alive: bool = True

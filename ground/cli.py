@@ -17,6 +17,7 @@ from ground import console
 from ground.diagnose.pipeline import Outcome, diagnose, write_outcome
 from ground.diagnose.segments import channel_sigmas, segment_of, sigma_vector
 from ground.diagnose.verify import predict
+from ground.dictionary_page import dictionary_page
 from ground.importing import import_recording
 from ground.mission_run import plan_mission, run_mission
 from ground.mission_summary import (
@@ -32,6 +33,7 @@ from ground.recordings.model import Recording, RecordingError
 from ground.replay import replay_log
 from ground.report.diagnosis_page import verdict_sentence as diagnosis_sentence
 from hal.config import config_path, config_root
+from hal.dictionary import load_dictionary
 from hal.errors import ConfigError
 from sim_hal.plant.simulate import Plant, compile_plant, load_plant
 
@@ -258,3 +260,10 @@ def show_diagnosis(outcome: Outcome, folder: Path) -> None:
     for note in found.notes:
         console.say(f"note: {note}")
     console.say(f"page: {folder / 'report.html'}")
+
+
+@app.command("dictionary")
+def dictionary_command() -> None:
+    """Print every command, event, telemetry channel and parameter as a page (Markdown)."""
+    with console.clear_errors():
+        print(dictionary_page(load_dictionary()), end="")

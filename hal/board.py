@@ -8,7 +8,7 @@ believing it is the robot, or the other way round.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from typing import Any
 
@@ -18,6 +18,7 @@ from hal.devices import (
     GroundLink,
     Magnet,
     MagnetCurrentSensor,
+    Memory,
     Motor,
     MotorCurrentSensor,
     NutEncoder,
@@ -26,11 +27,12 @@ from hal.devices import (
     Watchdog,
 )
 from hal.errors import BoardUnavailable
+from hal.memory import VolatileMemory
 
 ENTRY_POINT_GROUP = "hopper.boards"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Board:
     """All devices of one robot. Use as a context manager: leaving it closes every device, actuators first."""
 
@@ -46,6 +48,7 @@ class Board:
     switches: SwitchInputs
     watchdog: Watchdog
     ground_link: GroundLink
+    memory: Memory = field(default_factory=VolatileMemory)
 
     def close(self) -> None:
         """Close all devices, actuators first; every one is tried even if another fails."""
@@ -60,6 +63,7 @@ class Board:
             self.accelerometer,
             self.switches,
             self.ground_link,
+            self.memory,
             self.watchdog,
         ):
             try:

@@ -131,6 +131,16 @@ class Watchdog(Device, Protocol):
         """Say that the flight software is alive."""
 
 
+class Memory(Device, Protocol):
+    """A few lines that outlive the power."""
+
+    def read(self) -> str:
+        """The newest record; empty when there never was one. Raises `ReadFailed` when it is damaged."""
+
+    def write(self, text: str) -> None:
+        """Keep this record instead; returns when it is on the medium. Raises `DeviceError` when it cannot."""
+
+
 class GroundLink(Device, Protocol):
     """Commands in, telemetry out."""
 

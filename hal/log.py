@@ -38,6 +38,11 @@ class LogMessage:
     payload: Mapping[str, Any]
 
 
+def log_problem(log: LogSink) -> str:
+    """Why a sink no longer records, in words; empty while it does (and for sinks that cannot fail silently)."""
+    return str(getattr(log, "problem", ""))
+
+
 class NullLog:
     """Records nothing."""
 

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class MotorCurrent:
-    """Motor current, positive while the motor drives towards tension."""
+    """Motor current, positive while the motor drives towards tension; supply voltage where the part measures it."""
 
     time_s: float
     current_a: float
+    supply_v: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +68,14 @@ class SpecificForce:
 
 @dataclass(frozen=True, slots=True)
 class GroundCommand:
-    """A command from the ground link: a name of the command table and its arguments."""
+    """A command: a name of the dictionary and its arguments.
+
+    `authenticated` says that its source has shown that it may command the robot: the ground by its signature on
+    the link, or the mission that was loaded on board. `sequence` is the link's number of it.
+    """
 
     time_s: float
     name: str
     arguments: tuple[tuple[str, float], ...] = ()
+    authenticated: bool = False
+    sequence: int = 0

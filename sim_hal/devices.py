@@ -220,10 +220,12 @@ class LoopbackLink(SimDevice):
         self.telemetry: deque[tuple[float, str, str]] = deque(maxlen=depth)
         """What flight sent, oldest first: time [s], topic, payload."""
 
-    def command(self, name: str, arguments: Mapping[str, float] | None = None) -> None:
+    def command(
+        self, name: str, arguments: Mapping[str, float] | None = None, *, authenticated: bool = True
+    ) -> None:
         """Ground side: send a command; flight receives it with its next call."""
         pairs = tuple((arguments or {}).items())
-        self._commands.append(GroundCommand(self._rig.now_s, name, pairs))
+        self._commands.append(GroundCommand(self._rig.now_s, name, pairs, authenticated))
 
     def receive(self) -> tuple[GroundCommand, ...]:
         """The commands that arrived since the last call, oldest first."""

@@ -100,7 +100,7 @@ def test_a_motor_that_disobeys_has_its_power_cut_before_the_spring_is_overstretc
         assert not world.hops
     assert result.end_reason == "motor_disobeys"
     assert log.phases()[-2:] == [phase, "safe"]
-    assert most[0] < SETTINGS.safety.max_compression_m + MARGIN_M
+    assert most[0] < SETTINGS.max_compression_m + MARGIN_M
 
 
 def test_a_motor_stuck_while_another_fault_wants_the_spring_relaxed_has_its_power_cut() -> None:
@@ -116,6 +116,6 @@ def test_a_motor_stuck_while_another_fault_wants_the_spring_relaxed_has_its_powe
         result = fly(board, SETTINGS, ONE_HOP, log)
         board.clock.sleep_until_s(board.clock.now_s() + 1.0)
         assert board.rig.watchdog_expired
-        assert board.world.spring_compression_m < SETTINGS.safety.max_compression_m
+        assert board.world.spring_compression_m < SETTINGS.max_compression_m
     assert result.end_reason == "spring_stale"
     assert [event["reason"] for event in log.events("fault")] == ["spring_stale", "motor_disobeys"]

@@ -108,7 +108,7 @@ FAULTS: dict[str, tuple[float, Callable[[FakeRobot], None], str, bool]] = {
     ),
     "nut jams": (HOMING_S, lambda r: setattr(r, "jammed", True), "over_current", False),
     "motor is unplugged": (HOMING_S, lambda r: setattr(r, "unplugged", True), "motor_disobeys", False),
-    "spring sensor drops": (TENSIONING_S, lambda r: setattr(r, "held_m", 0.0), "early_release", True),
+    "spring sensor drops": (TENSIONING_S, lambda r: setattr(r, "held_m", 0.0), "string_broken", True),
     "spring sensor sticks": (
         TENSIONING_S,
         lambda r: setattr(r, "held_m", r.compression_m),
@@ -228,16 +228,16 @@ def test_a_tick_that_comes_too_late_is_reported_and_a_long_silence_is_a_fault() 
 
     robot.on_tick = stall
     result, log = flown(robot)
-    assert len(log.events("tick_overrun")) == 2
+    assert len(log.events("tick_late")) == 2
     assert result.end_reason == "watchdog"
 
 
 def test_ground_commands_pass_the_same_checks_as_the_missions_own() -> None:
     robot = FakeRobot(SETTINGS, nut_m=0.002)
     robot.commands = [
-        GroundCommand(0.0, "fire"),
-        GroundCommand(0.0, "arm"),
-        GroundCommand(0.0, "tension", (("energy_j", 1e9),)),
+        GroundCommand(0.0, "fire", authenticated=True),
+        GroundCommand(0.0, "arm", authenticated=True),
+        GroundCommand(0.0, "tension", (("energy_j", 1e9),), authenticated=True),
         GroundCommand(0.0, "self_destruct"),
     ]
     result, log = flown(robot)

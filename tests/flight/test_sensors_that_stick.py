@@ -43,7 +43,7 @@ def test_a_sensor_that_sticks_is_named_before_anything_fires(
     assert ("de_tension" in log.phases()) is relaxed
     assert result.spring_loaded is not relaxed
     seen_s = next(t for topic, t, p in log.entries if topic == "event" and p["name"] == "fault")
-    assert seen_s - from_s <= (SETTINGS.safety.stuck_samples + 2) * SETTINGS.tick.period_s
+    assert seen_s - from_s <= (SETTINGS.monitors[f"{device}_stuck"].above + 3) * SETTINGS.tick.period_s
 
 
 @pytest.mark.parametrize(("seed", "energy_j"), [(2, 1.0), (3, 2.5)])

@@ -1,0 +1,62 @@
+"""What the memory keeps of the spring, so that a cut of the power at any instant leaves a truth.
+
+It is written before the spring is loaded, before the robot is armed, and only after sensors have shown that
+nothing is stored. It never makes the spring count as unloaded: that is for sensors to show.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+
+from flight.states import Event, Machine, Phase
+from hal.devices import Memory
+from hal.errors import DeviceError, ReadFailed
+
+
+@dataclass(frozen=True)
+class SpringRecord:
+    """Whether the spring may hold energy, whether the robot may be armed, and the energy [J] that was asked for."""
+
+    loaded: bool = True
+    armed: bool = False
+    energy_j: float = 0.0
+
+    @classmethod
+    def of(cls, machine: Machine) -> SpringRecord:
+        """What is to be kept of a machine."""
+        armed = machine.phase in (Phase.ARMED, Phase.FIRING)
+        target_j = machine.target.energy_used_j if machine.target and machine.loaded else 0.0
+        return cls(machine.loaded, armed, target_j)
+
+
+class SpringKeeper:
+    """Keeps the memory's record in step with the machine."""
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+        self._kept: SpringRecord | None = None
+        self.failed = False
+
+    def found(self) -> Event:
+        """What the memory says at power-up; a record that is missing or damaged counts as a loaded spring."""
+        try:
+            text = self._memory.read()
+            if not text:
+                return Event("spring_record", {"known": False, "loaded": True})
+            return Event("spring_record", {"known": True, **asdict(SpringRecord(**json.loads(text)))})
+        except (ReadFailed, ValueError, TypeError) as error:
+            return Event("spring_record", {"known": False, "loaded": True, "error": str(error)})
+
+    def keep(self, machine: Machine) -> Event | None:
+        """Put a change on record, before anything is done about it; an event when that failed."""
+        record = SpringRecord.of(machine)
+        if record == self._kept:
+            return None
+        try:
+            self._memory.write(json.dumps(asdict(record)))
+        except DeviceError as error:
+            was, self.failed = self.failed, True
+            return None if was else Event("spring_record_unwritten", {"error": str(error)})
+        self._kept, self.failed = record, False
+        return None
