@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.evidence import LocatedForce
 from ground.diagnose.fit import Fit
+from ground.diagnose.knots import knot_force
 from ground.diagnose.segments import Segment
 from ground.diagnose.smoothing import Smoothed, StateSpace, smooth
+from ground.diagnose.workers import Context, Workers
 from sim_hal.plant.run import smoothed_start
 from sim_hal.plant.simulate import MISSING_FORCE, CompiledPlant, Plant, compile_plant, probes
 
@@ -30,20 +33,68 @@ BINS = 24
 
 
 def locate(
-    fit: Fit, segment: Segment, sigmas: Float, scales: Mapping[str, Mapping[str, float]]
+    fit: Fit,
+    segments: Sequence[Segment],
+    whole: Segment,
+    sigmas: Float,
+    scales: Mapping[str, Mapping[str, float]],
+    workers: Workers,
 ) -> list[LocatedForce]:
-    """The missing force of each balance that can be smoothed, likeliest first. `segment` is one whole recording."""
-    found: list[LocatedForce] = []
-    if fit.plant.structure.flags or fit.plant.structure.memories:
-        return found  # what such a plant remembers is not in its states, so it cannot be restarted at each sample
-    for name in fit.plant.structure.balances:
-        typical = scales.get(name, {}).get("F")
-        if typical is None:
-            continue
-        located = locate_in(fit, segment, sigmas, name, typical)
-        if located is not None:
-            found.append(located)
+    """The missing force of each balance in which one can be told, likeliest first.
+
+    A plant that starts from a known state is looked at from its start, by knots over time; a rig given as equations,
+    whose free run drifts away, from sample to sample by a filter, as long as it remembers nothing but its states.
+    """
+    typical = {
+        name: scales[name]["F"] for name in fit.plant.structure.balances if "F" in scales.get(name, {})
+    }
+    tasks = [LocateTask(fit, tuple(segments), whole, sigmas, name, force) for name, force in typical.items()]
+    found = [force for force in workers.map(locate_job, tasks) if force is not None]
     return sorted(found, key=lambda force: -force.log_likelihood_gain)
+
+
+@dataclass(frozen=True)
+class LocateTask:
+    """One balance to look for a missing force in; `typical` is its force's usual size."""
+
+    fit: Fit
+    segments: tuple[Segment, ...]
+    whole: Segment
+    sigmas: Float
+    balance: str
+    typical: float
+
+
+def locate_job(_: Context, task: LocateTask) -> LocatedForce | None:
+    """The missing force of one balance by the way that suits the plant."""
+    structure = task.fit.plant.structure
+    if task.fit.plant.kind == "equations" and not structure.flags and not structure.memories:
+        return locate_in(task.fit, task.whole, task.sigmas, task.balance, task.typical)
+    return locate_by_knots(task)
+
+
+def locate_by_knots(task: LocateTask) -> LocatedForce | None:
+    """The missing force on the segment that fits worst."""
+    edges = np.cumsum([0, *(segment.observed.size for segment in task.segments)])
+    power = [float(np.sum(task.fit.residuals[a:b] ** 2)) for a, b in pairwise(edges)]
+    worst = int(np.argmax(power))
+    found = knot_force(task.fit, task.segments, worst, task.sigmas, task.balance, task.typical)
+    if found is None:
+        return None
+    return LocatedForce(
+        equation=task.balance,
+        run=task.segments[worst].run_name,
+        unit=task.fit.plant.structure.balances[task.balance].unit,
+        times_s=found.times_s,
+        before=found.force,
+        before_std=found.force_std,
+        after=None,
+        causes=found.causes,
+        explained={
+            name: explained_by(values, found.force, found.force_std) for name, values in found.causes.items()
+        },
+        log_likelihood_gain=found.log_likelihood_gain,
+    )
 
 
 def locate_in(fit: Fit, segment: Segment, sigmas: Float, balance: str, typical: float) -> LocatedForce | None:
@@ -70,17 +121,19 @@ def locate_in(fit: Fit, segment: Segment, sigmas: Float, balance: str, typical: 
         before_std=smoothed.force_std,
         after=None,
         causes=series,
-        explained={name: explained_by(values, smoothed.force) for name, values in series.items()},
+        explained={
+            name: explained_by(values, smoothed.force, smoothed.force_std) for name, values in series.items()
+        },
         log_likelihood_gain=likelihoods[best] - still,
     )
 
 
-def still_missing(
-    force: LocatedForce, fit: Fit, segment: Segment, sigmas: Float, typical: float
-) -> LocatedForce:
+def still_missing(force: LocatedForce, task: LocateTask, context: Context) -> LocatedForce:
     """The same with what the extended plant still lacks."""
-    after = locate_in(fit, segment, sigmas, force.equation, typical)
-    return force if after is None else replace(force, after=after.before)
+    after = locate_job(context, task)
+    if after is None or after.run != force.run:
+        return force
+    return replace(force, after=np.interp(force.times_s, after.times_s, after.before))
 
 
 def without_start(segment: Segment, plant: Plant) -> Segment:
@@ -178,21 +231,24 @@ def cause_series(
     return series | {"time": space.times_s}
 
 
-def explained_by(cause: Float, force: Float) -> float:
+def explained_by(cause: Float, force: Float, std: Float) -> float:
     """Share of the force's variance that a free function of the cause explains where it was not fitted.
 
     Bin means from one half of the recording (alternate tenths) are tried on the other half, so that a cause with
-    many values gains nothing by chance; never below 0.
+    many values gains nothing by chance; never below 0. Each value counts by its sigma: where nothing is known of
+    the force, nothing needs to be explained.
     """
+    weight = 1.0 / std**2
     fold = (np.arange(force.size) * 10 // force.size) % 2
-    edges = np.quantile(cause, np.linspace(0.0, 1.0, BINS + 1)[1:-1])
-    bins = np.digitize(cause, edges)
+    count = min(BINS, max(2, force.size // 6))
+    bins = np.digitize(cause, np.quantile(cause, np.linspace(0.0, 1.0, count + 1)[1:-1]))
     left = 0.0
     for half in (0, 1):
         train, test = fold != half, fold == half
-        counts = np.bincount(bins[train], minlength=BINS)
-        sums = np.bincount(bins[train], weights=force[train], minlength=BINS)
-        means = np.where(counts > 0, sums / np.maximum(counts, 1), force[train].mean())
-        left += float(np.sum((force[test] - means[bins[test]]) ** 2))
-    total = float(np.sum((force - force.mean()) ** 2))
+        counts = np.bincount(bins[train], weights=weight[train], minlength=count)
+        sums = np.bincount(bins[train], weights=(weight * force)[train], minlength=count)
+        overall = float(np.average(force[train], weights=weight[train]))
+        means = np.where(counts > 0.0, sums / np.maximum(counts, 1e-300), overall)
+        left += float(np.sum(weight[test] * (force[test] - means[bins[test]]) ** 2))
+    total = float(np.sum(weight * (force - np.average(force, weights=weight)) ** 2))
     return 0.0 if total == 0.0 else max(0.0, 1.0 - left / total) if math.isfinite(left) else 0.0

@@ -14,7 +14,7 @@ from ground.diagnose.compare import compare_with
 from ground.diagnose.evidence import Evidence, LocatedForce
 from ground.diagnose.findings import findings_of, next_run, verdict_of
 from ground.diagnose.fit import Fit, fit_plant
-from ground.diagnose.locate import locate, still_missing
+from ground.diagnose.locate import LocateTask, locate, still_missing
 from ground.diagnose.name import Named, Search
 from ground.diagnose.problem import PRIOR_REACH
 from ground.diagnose.result import Diagnosis
@@ -86,8 +86,7 @@ def prepare(recordings: Sequence[Recording], plant: Plant) -> Data:
         fitted: tuple[Recording, ...] = (first,)
         held_out: tuple[Recording, ...] = (last,)
     else:
-        count = max(1, len(recordings) // 4)
-        fitted, held_out = tuple(recordings[:-count]), tuple(recordings[-count:])
+        fitted, held_out = split_whole(recordings)
     compiled = compile_plant(plant)
     names = compiled.output_names
     sigmas = channel_sigmas(fitted, plant, names)
@@ -102,6 +101,22 @@ def prepare(recordings: Sequence[Recording], plant: Plant) -> Data:
         noise={name: sensor_sigma(fitted, plant, name) for name in sigmas},
         single=len(recordings) == 1,
     )
+
+
+def split_whole(
+    recordings: Sequence[Recording],
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """A quarter of the recordings, at least one, held out: the last whose surface the others have met as well."""
+    wanted = max(1, len(recordings) // 4)
+    surfaces = [str(recording.conditions.get("surface", "")) for recording in recordings]
+    held: list[int] = []
+    for number in reversed(range(len(recordings))):
+        rest = [s for i, s in enumerate(surfaces) if i != number and i not in held]
+        if len(held) < wanted and surfaces[number] in rest:
+            held.append(number)
+    held = held or [len(recordings) - 1]
+    fitted = tuple(r for i, r in enumerate(recordings) if i not in held)
+    return fitted, tuple(recordings[i] for i in sorted(held))
 
 
 def diagnose(
@@ -125,18 +140,21 @@ def diagnose(
         approach=APPROACH,
     )
     scales = find_scales(refit, data.windows)
-    progress("locating what is missing")
-    forces = locate(refit, data.whole[0], data.sigmas, scales)
     with Workers(data.windows, data.sigmas, scales, processes) as workers:
+        progress("locating what is missing")
+        forces = locate(refit, data.windows, data.whole[0], data.sigmas, scales, workers)
         named = Search(workers, progress, plant).run(refit)
+        if named.chosen and forces:
+            typical = scales[forces[0].equation]["F"]
+            task = LocateTask(
+                *(named.fit, data.windows, data.whole[0], data.sigmas), forces[0].equation, typical
+            )
+            forces[0] = still_missing(forces[0], task, workers.context)
     progress("verifying on what was held out")
     refitted = plant.with_values(refit.values)
     extended = settled_plant(named.fit, plant)
     plants = {"nominal": plant, "refit": refitted, "extended": extended}
     verified = verify(plants, data.held_out_whole, data.sigmas, data.noise)
-    if named.chosen and forces:
-        typical = scales[forces[0].equation]["F"]
-        forces[0] = still_missing(forces[0], named.fit, data.whole[0], data.sigmas, typical)
     result = conclude(data, plant, refit, named, verified, forces, plants)
     if reference is not None:
         compared = compare_with(reference, extended, data.held_out_whole, data.held_out_windows, data.sigmas)
