@@ -6,21 +6,19 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flight import energy
 from flight.energy import RigConstants
 from flight.flight_time import FlightTime, estimate_flight
 from flight.heartbeat import Heartbeat
+from flight.jump_height import jump_height
+from flight.push import NoPush, find_push
 from flight.record import HopRecord
 from flight.settings import FlightSettings
-from flight.uncertain import Uncertain, combine
-
-Array = NDArray[np.float64]
+from flight.uncertain import Uncertain
 
 _STATIC_S = 0.2  # stretch before the fire command over which the compression is averaged
-_PUSH_TOLERANCE = 0.03  # of the body's take-off speed
-_STEP_SIGMAS = 10.0  # acceleration, in noise sigmas, by which the opening shows
+_REJECTED_SIGMAS = 6.0  # by which the push and the time of flight may disagree
 
 
 @dataclass(frozen=True)
@@ -78,30 +76,33 @@ def stored_compression(record: HopRecord, settings: FlightSettings, hop_index: i
 def _with_height(
     seen: HopEnergies, record: HopRecord, rig: RigConstants, settings: FlightSettings, hop_index: int
 ) -> HopEnergies:
-    flight = seen.flight
+    flight, fit = seen.flight, seen.flight.fit
     assert seen.compression_m is not None
+    assert fit is not None
     gravity = measured_gravity(flight, settings, hop_index)
     rig = replace(rig, gravity_m_s2=gravity)
+    try:
+        push = find_push(record, fit, seen.compression_m.value)
+    except NoPush as error:
+        return replace(seen, flight=_rejected(flight, str(error)))
+    jump = jump_height(flight, fit, push, seen.compression_m, gravity, settings, hop_index)
+    if abs(jump.disagreement_sigmas) > _REJECTED_SIGMAS:  # one of the two is wrong, and nobody knows which
+        by = f"by {jump.disagreement_m_s:.3f} m/s"
+        return replace(seen, flight=_rejected(flight, f"the push and the time of flight disagree {by}"))
     source = f"time_of_flight#{hop_index}"
-    time_s = Uncertain.of(flight.time_of_flight_s, flight.ballistic_sigma_s, source)
-    total = rig.total_mass_kg
-    # The leg hangs differently at take-off and touchdown: z_com = z_l - (m_b/M) delta.
-    stretch_m = flight.compression_m[0] - flight.compression_m[1]
-    speed = 0.5 * gravity * time_s + (rig.body_mass_kg / total) * stretch_m / time_s
-    rise_m, mismatch = _rise_on_spring(record, flight, rig, speed, settings)
-    rise_m = rise_m.with_part(f"rise#{hop_index}", settings.evaluation.rise_error_m)
-    height_m = rise_m + _leg_share_rise(seen.compression_m, flight, rig) + speed**2 / (2.0 * gravity)
-    if mismatch:  # one of the two is wrong, and nobody knows which
-        return replace(seen, flight=replace(flight, verdict="rejected", reasons=(*flight.reasons, mismatch)))
     return replace(
         seen,
         flight=flight,
-        time_of_flight_s=Uncertain.of(time_s.value, flight.time_of_flight_sigma_s, source),
-        take_off_speed_m_s=speed,
-        height_m=height_m,
-        potential_j=total * gravity * height_m,
+        time_of_flight_s=Uncertain.of(flight.time_of_flight_s, flight.time_of_flight_sigma_s, source),
+        take_off_speed_m_s=jump.speed_m_s,
+        height_m=jump.height_m,
+        potential_j=rig.total_mass_kg * gravity * jump.height_m,
         gravity_m_s2=gravity,
     )
+
+
+def _rejected(flight: FlightTime, reason: str) -> FlightTime:
+    return replace(flight, verdict="rejected", reasons=(*flight.reasons, reason))
 
 
 def measured_gravity(flight: FlightTime, settings: FlightSettings, hop_index: int) -> Uncertain:
@@ -113,60 +114,10 @@ def measured_gravity(flight: FlightTime, settings: FlightSettings, hop_index: in
     rig, gain = settings.rig, settings.rig.sensor_gain
     measured = (flight.static_m_s2 - flight.offset_m_s2) / gain
     noise = math.hypot(flight.static_sigma_m_s2, flight.offset_sigma_m_s2) / gain
-    allowed = math.hypot(settings.evaluation.gravity_error_m_s2, noise)
+    scale = settings.sensors.scale_std_share * rig.gravity_m_s2
+    common_error = math.hypot(settings.evaluation.gravity_error_m_s2, scale)
     configured, spread = rig.gravity_m_s2, rig.gravity_std_share * rig.gravity_m_s2
-    weight = spread**2 / (spread**2 + allowed**2)
-    common = math.hypot((1.0 - weight) * spread, weight * settings.evaluation.gravity_error_m_s2)
+    weight = spread**2 / (spread**2 + common_error**2 + noise**2)
+    common = math.hypot((1.0 - weight) * spread, weight * common_error)
     value = configured + weight * (measured - configured)
     return Uncertain(value, {"gravity": common, f"accelerometer_zero#{hop_index}": weight * noise})
-
-
-def _leg_share_rise(compression_m: Uncertain, flight: FlightTime, rig: RigConstants) -> Uncertain:
-    """What the leg, left behind as the spring extends, takes from the rise: z_com = z_b + (m_l/M) delta."""
-    weight_m = rig.body_mass_kg * rig.gravity_m_s2 / rig.stiffness_n_m
-    change_m = flight.compression_m[0] - (compression_m + weight_m)
-    return (rig.leg_mass_kg / rig.total_mass_kg) * change_m
-
-
-def _rise_on_spring(
-    record: HopRecord, flight: FlightTime, rig: RigConstants, speed: Uncertain, settings: FlightSettings
-) -> tuple[Uncertain, str]:
-    """Rise of the body from the opening to take-off [m], and a complaint if the two ends do not meet.
-
-    Integrated backwards from take-off, where the time of flight gives the speed: the speed must then vanish
-    at the opening. That finds the opening between two samples, which a forward integration would have to
-    guess while the acceleration jumps by 200 m/s^2.
-    """
-    body_m_s = speed - (rig.leg_mass_kg / rig.total_mass_kg) * flight.compression_rate_m_s[0]
-    gain = settings.rig.sensor_gain
-    motion = (record.specific_force_m_s2 - flight.static_m_s2) / gain
-    times = record.times_s
-    noise = settings.sensors.accelerometer_noise_m_s2 / gain
-    moving = np.flatnonzero(
-        (times >= record.fire_s) & (times < flight.take_off_s) & (motion > _STEP_SIGMAS * noise)
-    )
-    if moving.size == 0:
-        return Uncertain(0.0), "no push is seen between the fire command and take-off"
-    inside = slice(int(moving[0]), int(np.searchsorted(times, flight.take_off_s)))
-    last = float(np.interp(flight.take_off_s, times, motion))
-    t = np.append(times[inside], flight.take_off_s)
-    a = np.append(motion[inside], last)
-    gained = _cumulative(t, a)
-    rate = body_m_s.value - (gained[-1] - gained)
-    rise = float(_cumulative(t, rate)[-1])
-    step_s = float(t[1] - t[0])
-    # Before the first sample that shows the push: from rest at constant acceleration, for one sample at most.
-    begin_m_s = float(rate[0])
-    begin_s = min(max(begin_m_s, 0.0) / float(a[0]), step_s)
-    rise += 0.5 * max(begin_m_s, 0.0) * begin_s
-    duration_s = flight.take_off_s - float(t[0]) + begin_s
-    slack = 3.0 * body_m_s.sigma + _PUSH_TOLERANCE * body_m_s.value
-    complaint = ""
-    if not -slack < begin_m_s < float(a[0]) * step_s + slack:
-        complaint = f"the push and the time of flight disagree by {begin_m_s:.3f} m/s"
-    return combine(rise, (body_m_s, duration_s)), complaint
-
-
-def _cumulative(t: Array, y: Array) -> Array:
-    """Integral of y over t by trapezia, from the first point to each (n,)."""
-    return np.concatenate(([0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(t))))

@@ -1,47 +1,31 @@
-"""Where in a hop's accelerometer record the robot flies: the stretch in which the spring rings freely."""
+"""Where in a hop's accelerometer record the robot flies: windows in which the spring rings about free fall."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.heartbeat import Heartbeat
-from flight.least_squares import fit
 from flight.ringing import Ringing, TwoMass
 from flight.settings import FlightSettings
 
 Array = NDArray[np.float64]
 
-SEED_S = 0.025  # first stretch to be explained: half a period of the ringing
-BLOCK_S = 0.003  # step by which the stretch grows
-_SEED_STEP_S = 0.002
-_SEARCH_S = 0.06  # the foot may touch again for this long after first leaving the ground
+SHORTEST_S = 0.03  # of a flight that counts
+_WINDOW_PERIODS = 0.6  # of the ringing: long enough to tell it from a push, short enough to end close to an edge
+_SHAPES = 5  # a constant, and a ringing whose amplitude and phase may drift
 _PUSH_OVER = 0.5  # body's specific force, in g, below which the push is over
-_PEAK_S = 0.12  # release and push are over within this time after the magnet is energised
-_LINE_STD = (0.5, 5.0)  # sensor bias [m/s^2] and slow forces [m/s^3] that a line may explain
-_REFIT_GROWTH = 1.15
-_LANDING_SAMPLES = 10  # needed after touchdown to tell it from the end of the record
-_SURPRISE = 6.0  # rms of a block, in sigmas, that the ringing did not predict
-_EXPLAINED = 2.5  # rms of that block, once the ringing was fitted to it too, that is no contact
+_PEAK_S = 0.15  # release and push are over within this time after the magnet is energised
+_SEARCH_S = 0.1  # after the push the foot leaves the ground for good within this time
+_SIGMAS, _AMPLITUDE_SHARE, _GRAVITY_SHARE = 8.0, 0.03, 0.05  # what a window in flight may leave unexplained
+_NOT_FALLING = 0.5  # mean of a window, in g, that is no free fall
+_IMPACT_G = 0.5  # that must show at the end of a flight
 
 
 class NoFlight(Exception):
     """The record shows no flight; the message says what is missing."""
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """Samples [first, stop) explained by one ringing plus a straight line; rms of what is left [m/s^2]."""
-
-    first: int
-    stop: int
-    ringing: Ringing
-    offset_m_s2: float
-    slope_m_s3: float
-    rms_m_s2: float
 
 
 @dataclass(frozen=True)
@@ -54,7 +38,6 @@ class Expectation:
     omega_std: float
     decay_1_s: float
     decay_std: float
-    noise_m_s2: float
 
     @staticmethod
     def of(settings: FlightSettings) -> Expectation:
@@ -65,140 +48,182 @@ class Expectation:
         decay = 0.5 * rig.spring_damping_n_s_m / (rig.body_mass_kg * share)
         omega = math.sqrt(stiffness - decay**2)
         return Expectation(
-            TwoMass(share, rig.body_mass_kg / rig.leg_mass_kg, rig.gravity_m_s2),
+            TwoMass(share, rig.gravity_m_s2),
             rig.leg_mass_kg,
             omega,
             0.5 * omega * math.hypot(rig.spring_stiffness_std_share, rig.mass_std_share),
             decay,
             rig.spring_damping_std_share * decay,
-            settings.sensors.accelerometer_noise_m_s2 / rig.sensor_gain,
         )
 
 
-def find_flight(times_s: Array, motion_m_s2: Array, expected: Expectation, heartbeat: Heartbeat) -> Stretch:
-    """The longest stretch of free ringing after the release.
+@dataclass(frozen=True)
+class Windows:
+    """Sliding least squares of `_SHAPES` over `width` samples of an even grid; arrays (n,) by first sample."""
 
-    `times_s` (n,) counts from the fire command; `motion_m_s2` (n,) is the body's specific force along the
-    leg. Raises `NoFlight`.
-    """
-    search = _Search(times_s, motion_m_s2, expected, heartbeat)
-    left = search.first_release()
-    seed = search.best_seed(left)
-    noise = max(expected.noise_m_s2, seed.rms_m_s2)
-    forward = search.grow(seed, noise, +1)
-    if times_s.size - forward.stop < _LANDING_SAMPLES:
-        raise NoFlight("the record ends before the robot has touched down")
-    return search.grow(forward, noise, -1)
-
-
-def explained(stretch: Stretch, times_s: Array) -> Array:
-    """The stretch's model at any times (n,)."""
-    tau = times_s - stretch.ringing.reference_s
-    line = stretch.offset_m_s2 + stretch.slope_m_s3 * tau
-    return np.asarray(stretch.ringing.acceleration_m_s2(times_s) + line, dtype=np.float64)
+    step_s: float
+    width: int
+    starts_s: Array
+    level_m_s2: Array
+    amplitude_m_s2: Array
+    rms_m_s2: Array
 
 
 @dataclass(frozen=True)
-class _Search:
-    times_s: Array
-    motion: Array
-    expected: Expectation
-    heartbeat: Heartbeat
+class Stretch:
+    """A flight as the windows show it: it lies about between these times."""
 
-    def first_release(self) -> int:
-        """The first sample at which the spring, after the release, hardly pushes the body any more.
-
-        Take-off is near: a little later on firm ground, where the leg must first be pulled up.
-        """
-        window = np.flatnonzero((self.times_s >= 0.0) & (self.times_s < _PEAK_S))
-        if window.size == 0:
-            raise NoFlight("no accelerometer samples after the fire command")
-        peak = window[int(np.argmax(self.motion[window]))]
-        gravity = self.expected.robot.gravity_m_s2
-        if self.motion[peak] < 2.0 * gravity:
-            raise NoFlight("no push is seen after the fire command")
-        after = np.flatnonzero(self.motion[peak:] < _PUSH_OVER * gravity)
-        if after.size == 0 or self.times_s[peak + after[0]] > _PEAK_S:
-            raise NoFlight("the robot was never pulled off the ground")
-        return int(peak + after[0])
-
-    def best_seed(self, left: int) -> Stretch:
-        """The earliest half period that rings about as cleanly as the cleanest one."""
-        begin_s, seeds = self.times_s[left], []
-        for start_s in np.arange(begin_s, begin_s + _SEARCH_S, _SEED_STEP_S):
-            first, stop = (int(i) for i in np.searchsorted(self.times_s, (start_s, start_s + SEED_S)))
-            if stop < self.times_s.size and stop - first > 8:
-                seeds.append(self.explain(first, stop))
-        if not seeds:
-            raise NoFlight("the record ends right after the release")
-        cleanest = min(seed.rms_m_s2 for seed in seeds)
-        return next(seed for seed in seeds if seed.rms_m_s2 <= 1.5 * cleanest)
-
-    def explain(self, first: int, stop: int, warm: Stretch | None = None) -> Stretch:
-        """Least squares of ringing and a line over samples [first, stop)."""
-        t, y, expected = self.times_s[first:stop], self.motion[first:stop], self.expected
-        reference = float(t[0])
-        omega, decay = expected.omega_rad_s, expected.decay_1_s
-        if warm is not None:
-            omega, decay = warm.ringing.omega_rad_s, warm.ringing.decay_1_s
-        start = np.array((omega, decay, *_linear(t - reference, y, omega, decay)))
-        mean = np.array((expected.omega_rad_s, expected.decay_1_s, 0.0, 0.0, 0.0, 0.0))
-        std = np.array((expected.omega_std, expected.decay_1_s, np.inf, np.inf, *_LINE_STD))
-
-        def errors(p: Array) -> Array:
-            ringing = Ringing(reference, float(p[0]), float(p[1]), float(p[2]), float(p[3]))
-            left = y - ringing.acceleration_m_s2(t) - p[4] - p[5] * (t - reference)
-            return np.asarray(left / expected.noise_m_s2, dtype=np.float64)
-
-        solved = fit(errors, start, mean, std, self.heartbeat, max_steps=6)
-        ringing = Ringing(reference, *(float(value) for value in solved.parameters[:4]))
-        offset, slope = (float(value) for value in solved.parameters[4:])
-        return Stretch(first, stop, ringing, offset, slope, _rms(solved.residuals) * expected.noise_m_s2)
-
-    def grow(self, stretch: Stretch, noise: float, way: int) -> Stretch:
-        """Extend the stretch block by block, forwards or backwards, while its ringing predicts what comes."""
-        block = max(3, round(BLOCK_S / float(np.median(np.diff(self.times_s)))))
-        model = stretch  # refitted only now and then: it predicts well for a while
-        while True:
-            if way > 0:
-                first, stop = stretch.stop, min(stretch.stop + block, self.times_s.size)
-            else:
-                first, stop = max(stretch.first - block, 0), stretch.first
-            if stop - first < 3:
-                return replace(model, first=stretch.first, stop=stretch.stop)
-            longer = replace(stretch, first=min(first, stretch.first), stop=max(stop, stretch.stop))
-            allowed = max(noise, model.rms_m_s2)
-            error = self._error(model, first, stop)
-            surprised = _rms(error) > _SURPRISE * allowed
-            if surprised or longer.stop - longer.first > _REFIT_GROWTH * (model.stop - model.first):
-                model = self.explain(longer.first, longer.stop, model)
-                if surprised and _rms(self._error(model, first, stop)) > _EXPLAINED * allowed:
-                    model = self.explain(stretch.first, stretch.stop, model)
-                    return _to_the_sample(model, error, _SURPRISE * allowed, way)
-            stretch = longer
-
-    def _error(self, model: Stretch, first: int, stop: int) -> Array:
-        block = slice(first, stop)
-        return np.asarray(self.motion[block] - explained(model, self.times_s[block]), dtype=np.float64)
+    first_s: float
+    last_s: float
 
 
-def _linear(tau: Array, y: Array, omega: float, decay: float) -> Array:
-    """Amplitudes and line (4,) for a given pole: where the full fit starts."""
-    fade = np.exp(-decay * tau)
-    wave = (fade * np.cos(omega * tau), fade * np.sin(omega * tau), np.ones_like(tau), tau)
-    columns = np.column_stack(wave)
-    ridge = np.diag((0.0, 0.0, 0.1, 0.1))
-    return np.asarray(np.linalg.solve(columns.T @ columns + ridge, columns.T @ y), dtype=np.float64)
+def evened(times_s: Array, values: Array) -> tuple[float, Array, Array]:
+    """Samples on an even grid: step, times, values; what is missing is interpolated by cubics through four.
+
+    Grid points lie on the samples as far as these are evenly spaced.
+    """
+    step = float(np.median(np.diff(times_s)))
+    place = np.concatenate(([0], np.cumsum(np.maximum(1, np.round(np.diff(times_s) / step).astype(int)))))
+    step = float((times_s[-1] - times_s[0]) / place[-1])
+    grid = times_s[0] + step * np.arange(place[-1] + 1)
+    filled = np.interp(grid, times_s, values)
+    present = np.zeros(grid.size, dtype=np.bool_)
+    present[place] = True
+    filled[place] = values
+    gaps = np.flatnonzero(~present)
+    after = np.searchsorted(place, gaps)
+    inside = (after >= 2) & (after <= place.size - 2)
+    gaps, after = gaps[inside], after[inside]
+    four = place[after[:, None] + np.arange(-2, 2)]
+    x, known = gaps[:, None] - four, filled[four]
+    weights = np.ones_like(x, dtype=np.float64)
+    for i in range(4):
+        for j in range(4):
+            if i != j:
+                weights[:, i] *= x[:, j] / (four[:, i] - four[:, j])
+    filled[gaps] = np.sum(weights * known, axis=1)
+    return step, grid, filled
 
 
-def _to_the_sample(stretch: Stretch, error: Array, allowed: float, way: int) -> Stretch:
-    """Within a surprising block, the samples next to the stretch may still belong to it."""
-    strange = np.abs(error if way > 0 else error[::-1]) > allowed
-    still = int(np.argmax(strange)) if np.any(strange) else 0
-    if way > 0:
-        return replace(stretch, stop=stretch.stop + still)
-    return replace(stretch, first=stretch.first - still)
+def slide(step_s: float, times_s: Array, values: Array, pole: complex, periods: float) -> Windows:
+    """Least squares of a drifting ringing about a level in all windows of so many periods; `pole` is -decay + i omega."""
+    width = max(_SHAPES + 3, round(periods * 2.0 * math.pi / pole.imag / step_s))
+    if width >= values.size:
+        raise NoFlight("the record is too short to hold a flight")
+    tau = (np.arange(width) - 0.5 * (width - 1)) * step_s
+    wave = np.exp(pole * tau)
+    cosine, sine = wave.real, wave.imag
+    drift = tau / (0.5 * width * step_s)
+    shapes = np.column_stack((np.ones(width), cosine, sine, drift * cosine, drift * sine))
+    basis, triangle = np.linalg.qr(shapes)
+    windows = np.lib.stride_tricks.sliding_window_view(values, width)
+    found = windows @ basis
+    coefficients = np.linalg.solve(triangle, found.T)
+    power = np.convolve(values**2, np.ones(width), mode="valid")
+    left = np.maximum(power - np.sum(found**2, axis=1), 0.0)
+    return Windows(
+        step_s,
+        width,
+        times_s[: left.size],
+        coefficients[0],
+        np.hypot(coefficients[1], coefficients[2]),
+        np.sqrt(left / (width - _SHAPES)),
+    )
 
 
-def _rms(error: Array) -> float:
-    return float(np.sqrt(np.mean(error**2)))
+def find_flight(times_s: Array, motion_m_s2: Array, expected: Expectation, noise_m_s2: float) -> Stretch:
+    """The first flight after the release.
+
+    `times_s` (n,) counts from the fire command; `motion_m_s2` (n,) is the body's specific force along the leg.
+    Raises `NoFlight`.
+    """
+    step, times, motion = evened(times_s, motion_m_s2)
+    begin = _push_over(times, motion, expected)
+    windows = slide(step, times, motion, complex(-expected.decay_1_s, expected.omega_rad_s), _WINDOW_PERIODS)
+    gravity = expected.robot.gravity_m_s2
+    allowed = np.maximum(_SIGMAS * noise_m_s2, _AMPLITUDE_SHARE * windows.amplitude_m_s2)
+    allowed = np.maximum(allowed, _GRAVITY_SHARE * gravity)
+    falling = (windows.rms_m_s2 < allowed) & (np.abs(windows.level_m_s2) < _NOT_FALLING * gravity)
+    falling[: max(begin - 1, 0)] = False
+    first, last = _first_run(falling, math.ceil(SHORTEST_S / step) - windows.width, begin, step)
+    stop = last + windows.width
+    if stop >= motion.size - 3:
+        raise NoFlight("the record ends before the robot has touched down")
+    return Stretch(float(times[first]), float(times[stop - 1]))
+
+
+def _push_over(times_s: Array, motion: Array, expected: Expectation) -> int:
+    """The first sample at which the spring, after the release, hardly pushes the body any more.
+
+    Take-off is near: a little later on firm ground, where the leg must first be pulled up.
+    """
+    window = np.flatnonzero((times_s >= 0.0) & (times_s < _PEAK_S))
+    if window.size == 0:
+        raise NoFlight("no accelerometer samples after the fire command")
+    gravity = expected.robot.gravity_m_s2
+    pushing = np.flatnonzero(motion[window] > 2.0 * gravity)
+    if pushing.size == 0:
+        raise NoFlight("no push is seen after the fire command")
+    peak = window[int(pushing[0])]
+    after = np.flatnonzero(motion[peak:] < _PUSH_OVER * gravity)
+    if after.size == 0 or times_s[peak + after[0]] > _PEAK_S:
+        raise NoFlight("the robot was never pulled off the ground")
+    return int(peak + after[0])
+
+
+def _first_run(falling: NDArray[np.bool_], least: int, begin: int, step_s: float) -> tuple[int, int]:
+    """First and last window of the first run of at least `least` windows; it must begin soon after the push."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], falling.astype(np.int8), [0]))))
+    for first, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        if (first - begin) * step_s > _SEARCH_S:
+            break
+        if stop - first >= max(least, 1):
+            return first, stop - 1
+    raise NoFlight("the robot was not seen to fly after the push")
+
+
+@dataclass(frozen=True)
+class LocalRinging:
+    """A ringing fitted to a part of the flight: about which level, and what it leaves unexplained."""
+
+    ringing: Ringing
+    level_m_s2: float
+    rms_m_s2: float
+
+    def motion_m_s2(self, times_s: Array) -> Array:
+        """The ringing, went it on, at any times (n,)."""
+        return np.asarray(self.ringing.acceleration_m_s2(times_s) + self.level_m_s2, dtype=np.float64)
+
+
+def fit_ringing(
+    times_s: Array, motion: Array, omega: tuple[float, float], decay: tuple[float, float], noise_m_s2: float
+) -> LocalRinging:
+    """Ringing over a stretch of flight (n,); frequency and decay with their priors (mean, std).
+
+    Gauss-Newton in frequency and decay, the rest being linear.
+    """
+    middle = float(0.5 * (times_s[0] + times_s[-1]))
+    tau = times_s - middle
+    pole = np.array((omega[0], decay[0]))
+    weight = noise_m_s2 / np.array((omega[1], decay[1]))
+    amplitudes, left = np.zeros(3), motion
+    for _ in range(4):
+        fade = np.exp(-pole[1] * tau)
+        cosine, sine = fade * np.cos(pole[0] * tau), fade * np.sin(pole[0] * tau)
+        if not amplitudes.any():
+            amplitudes = np.linalg.lstsq(np.column_stack((cosine, sine, np.ones_like(tau))), motion, rcond=None)[0]
+        wave = amplitudes[0] * cosine + amplitudes[1] * sine
+        left = motion - wave - amplitudes[2]
+        turned = amplitudes[1] * cosine - amplitudes[0] * sine
+        columns = np.column_stack((tau * turned, -tau * wave, cosine, sine, np.ones_like(tau)))
+        normal = columns.T @ columns
+        normal[[0, 1], [0, 1]] += weight**2
+        gradient = columns.T @ left
+        gradient[:2] -= weight**2 * (pole - np.array((omega[0], decay[0])))
+        scale = np.sqrt(np.diag(normal))
+        move = np.linalg.solve(normal / np.outer(scale, scale), gradient / scale) / scale
+        pole, amplitudes = pole + move[:2], amplitudes + move[2:]
+    ringing = Ringing(middle, float(pole[0]), float(pole[1]), float(amplitudes[0]), float(amplitudes[1]))
+    again = motion - ringing.acceleration_m_s2(times_s) - amplitudes[2]
+    rms = math.sqrt(float(np.sum(again**2)) / max(tau.size - 5, 1))
+    return LocalRinging(ringing, float(amplitudes[2]), rms)

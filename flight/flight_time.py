@@ -1,27 +1,34 @@
 """Time of flight from the accelerometer: take-off and touchdown with their uncertainty, and a verdict.
 
-Free fall alone shows nothing on this robot: its spring rings at about 22 Hz through the whole flight. So the
-ringing is fitted, together with what the ground did to it just before take-off and just after touchdown
-(`flight.ringing`); both instants are parameters of that fit, and their covariance comes out of it.
+Free fall alone shows nothing on this robot: its spring rings at about 22 Hz through the whole flight, and the body
+feels the ground through that spring only. So each end of the flight is fitted by a model of what the sensor must
+read there (`flight.edge_fit`): the ringing on one side, the foot on the ground on the other.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flight.contact_fit import ContactFit, P, fit_contact
-from flight.flight_search import Expectation, NoFlight, Stretch, explained, find_flight
+from flight.ballistics import FreeFall, Level, flight_level
+from flight.edge_fit import TAKE_OFF, TOUCHDOWN, E, Edge
+from flight.edge_search import EndOfFlight, Scene, best_edge, look_at_end
+from flight.flight_search import Expectation, NoFlight, Stretch, find_flight
 from flight.heartbeat import Heartbeat, Stalled
 from flight.record import HopRecord
+from flight.ringing import TwoMass
 from flight.settings import FlightSettings
+from flight.spring_check import leg_share_seen
 
-# Starts of the fit for touchdown, before the first sample that shows it: soft ground shows late.
-_TOUCHDOWN_STARTS_S = (-0.0003, 0.0008)
-# What the contact models themselves may miss: how ground lets go varies more than how it takes the foot.
-_MODEL_ERROR_S = np.array((2.0e-4, 7e-5))
+Array = NDArray[np.float64]
+
+_REST_S = 0.5  # before the fire command, over which the sensor's rest is averaged
+_MOST_NOISE = 10.0  # over the data sheet's, of a robot that stands still
+_GAP_STEPS = 8.0  # a gap this many samples long hides what happens in it
+_EDGE_S = 0.004  # around an edge, in which a gap counts
 _DEGRADED_CHI = 3.0
 _REJECTED_CHI = 60.0
 _REJECTED_BIAS = 0.1  # share of gravity by which the flight may read other than the weight taken away
@@ -30,14 +37,27 @@ _REJECTED_SIGMA_S = 2e-2
 
 
 @dataclass(frozen=True)
-class FlightTime:
-    """A flight as seen by the accelerometer. Times on the record's clock; covariance of the two instants.
+class FlightFit:
+    """What the fit of a flight leaves for heights and energies; times from the fire command."""
 
-    Take-off is where the mean contact force vanishes, from where the centre of mass is ballistic. On hard
-    ground the foot chatters, and may leave it for the last time a little earlier: the sigmas of take-off and
-    time of flight allow for that, `ballistic_sigma_s`, which counts for the height, does not.
-    Rates and compressions of the spring at both ends come from the fitted ringing. `verdict` is `valid`,
-    `degraded` (usable, with the reasons) or `rejected`.
+    take_off: Edge
+    touchdown: Edge
+    robot: TwoMass
+    leg_share_sigma: float
+    fall: FreeFall
+    level: Level
+    motion_m_s2: Array  # (n,) at the record's times: the body's specific force along the leg, bias taken off
+    rest_m_s2: float  # that motion at rest
+    noise_m_s2: float
+
+
+@dataclass(frozen=True)
+class FlightTime:
+    """A flight as seen by the accelerometer. Times on the record's clock.
+
+    Take-off and touchdown are where the foot leaves the ground and is back at the height at which it left.
+    `verdict` is `valid`, `degraded` (usable, with the reasons) or `rejected`. Compressions of the spring and
+    their rates, at both ends, come from the fitted ringing. `chi`: misfit of the ringing in noise sigmas.
     """
 
     verdict: str
@@ -46,21 +66,24 @@ class FlightTime:
     touchdown_s: float = math.nan
     take_off_sigma_s: float = math.nan
     touchdown_sigma_s: float = math.nan
-    time_of_flight_sigma_s: float = math.nan
-    ballistic_sigma_s: float = math.nan
     static_m_s2: float = math.nan
     static_sigma_m_s2: float = math.nan
     offset_m_s2: float = math.nan
     offset_sigma_m_s2: float = math.nan
     compression_m: tuple[float, float] = (math.nan, math.nan)
     compression_rate_m_s: tuple[float, float] = (math.nan, math.nan)
-    residual_rms_m_s2: float = math.nan
     chi: float = math.nan
     contact: str = ""
+    fit: FlightFit | None = field(default=None, repr=False, compare=False)
 
     @property
     def time_of_flight_s(self) -> float:
         return self.touchdown_s - self.take_off_s
+
+    @property
+    def time_of_flight_sigma_s(self) -> float:
+        """The two ends are fitted to samples of their own: their errors are independent."""
+        return math.hypot(self.take_off_sigma_s, self.touchdown_sigma_s)
 
 
 def estimate_flight(
@@ -80,130 +103,183 @@ class _Estimate:
         self.record, self.settings, self.heartbeat = record, settings, heartbeat
         self.expected = Expectation.of(settings)
         self.gravity = settings.rig.gravity_m_s2
+        self.gain = settings.rig.sensor_gain
         self.times = record.times_s - record.fire_s
         self.reasons: list[str] = []
         self._check_record()
-        self.static, self.static_sigma = self._static()
+        self.static, self.static_sigma, self.noise = self._static()
         # In flight a sensor without bias would read the ringing about static/gain - g.
-        gain = settings.rig.sensor_gain
-        self.motion = record.specific_force_m_s2 / gain - (self.static / gain - self.gravity)
+        self.motion = record.specific_force_m_s2 / self.gain - (self.static / self.gain - self.gravity)
 
     def _check_record(self) -> None:
+        record = self.record
         if self.times.size < 50:
             raise NoFlight(f"only {self.times.size} accelerometer samples")
-        if not np.all(np.isfinite(self.record.specific_force_m_s2)):
+        if not (np.all(np.isfinite(record.specific_force_m_s2)) and np.all(np.isfinite(self.times))):
             raise NoFlight("accelerometer samples that are no numbers")
-        steps = np.diff(self.times)
-        if np.any(steps <= 0.0):
+        if np.any(np.diff(self.times) <= 0.0):
             raise NoFlight("accelerometer times do not increase")
-        if float(np.max(steps)) > 3.0 * float(np.median(steps)):
-            raise NoFlight("a gap in the accelerometer's samples")
-        if not self.record.complete:
+        if not record.complete:
             self.reasons.append("a sensor lost samples during the hop")
 
-    def _static(self) -> tuple[float, float]:
-        """Mean reading of the robot at rest before the fire command, and its sigma."""
-        rest = self.record.specific_force_m_s2[(self.times > -0.5) & (self.times < 0.0)]
+    def _static(self) -> tuple[float, float, float]:
+        """Mean reading of the robot at rest before the fire command, its sigma, and the noise of a sample."""
+        rest = self.record.specific_force_m_s2[(self.times > -_REST_S) & (self.times < 0.0)]
         if rest.size < 20:
             raise NoFlight("too few accelerometer samples at rest before the fire command")
-        noise = self.settings.sensors.accelerometer_noise_m_s2
         spread = float(np.std(rest, ddof=1))
-        if spread > 5.0 * noise:
+        if spread > _MOST_NOISE * self.settings.sensors.accelerometer_noise_m_s2:
             self.reasons.append("the robot did not stand still before the fire command")
-        return float(np.mean(rest)), max(spread, noise) / math.sqrt(rest.size)
+        spread = max(spread, self.settings.sensors.accelerometer_step_m_s2 / math.sqrt(12.0))
+        return float(np.mean(rest)), spread / math.sqrt(rest.size), spread / self.gain
 
     def result(self) -> FlightTime:
-        stretch = find_flight(self.times, self.motion, self.expected, self.heartbeat)
-        self._check_impact(stretch)
-        return self._judge(self._best_fit(stretch))
+        stretch = find_flight(self.times, self.motion, self.expected, self.noise)
+        self._check_saturation(stretch)
+        scene = self._scene(stretch)
+        share_std = 2.0 * self.expected.omega_std
+        take_off = look_at_end(scene, stretch, TAKE_OFF, share_std)
+        touchdown = look_at_end(scene, stretch, TOUCHDOWN, share_std)
+        seen = leg_share_seen(self.record, take_off, self.settings, self.expected)
+        robot = replace(self.expected.robot, leg_share=seen.share)
+        level = self._level(stretch, take_off)
+        return self._fitted(scene, take_off, touchdown, robot, seen.sigma, level)
 
-    def _check_impact(self, stretch: Stretch) -> None:
-        """After a flight something must hit: the ringing parts from its course for good."""
-        after = slice(stretch.stop, stretch.stop + 40)
-        unexplained = self.motion[after] - explained(stretch, self.times[after])
-        flying = self.times[stretch.stop - 1] - self.times[stretch.first]
-        if float(np.max(np.abs(unexplained))) < self.gravity:
-            raise NoFlight("no impact after the flight")
-        clipped = self.record.saturated[stretch.first : stretch.stop]
-        if np.any(clipped):
+    def _scene(self, stretch: Stretch) -> Scene:
+        """What is fitted: samples at the end of the sensor's range tell nothing but that."""
+        usable = ~self.record.saturated
+        rig = self.settings.rig
+        before = self.record.compression_m[self.record.spring_times_s < self.record.fire_s]
+        held_m = float(np.median(before)) if before.size else 0.0
+        load_n = rig.spring_stiffness_n_m * max(held_m, 0.0) + (rig.body_mass_kg + rig.leg_mass_kg) * self.gravity
+        return Scene(
+            self.times[usable],
+            self.motion[usable],
+            self.noise,
+            self.expected,
+            self.settings.evaluation.ground,
+            load_n,
+            self.heartbeat,
+        )
+
+    def _check_saturation(self, stretch: Stretch) -> None:
+        flying = (self.times > stretch.first_s) & (self.times < stretch.last_s)
+        if np.any(self.record.saturated & flying):
             raise NoFlight("the accelerometer was saturated in flight")
-        if flying < 0.03:
-            raise NoFlight(f"too short a flight ({flying:.3f} s of free ringing)")
 
-    def _best_fit(self, stretch: Stretch) -> ContactFit:
-        """The contact model, and the start of its fit, that explain the record best."""
-        candidates: list[ContactFit] = []
-        ground = self.settings.evaluation.ground
+    def _level(self, stretch: Stretch, end: EndOfFlight) -> Level:
+        """The flight's level; on an arm, the sensor reads the turning weight in it."""
+        level = flight_level(self.times, self.motion, stretch, end.local.ringing.pole, self.noise)
+        rig = self.settings.rig
+        if rig.geometry != "arm" or rig.arm is None:
+            return level
+        flight_s = stretch.last_s - stretch.first_s
+        arc_m = self.gravity * flight_s**2 / 8.0
+        mean_square = 8.0 / 15.0 * (arc_m / rig.arm.com_radius_m) ** 2  # of a parabola of that height
+        turned = 0.5 * mean_square * (self.gravity - rig.arm.local_gravity_m_s2 / self.gain)
+        return replace(level, value_m_s2=level.value_m_s2 - turned)
+
+    def _fitted(
+        self,
+        scene: Scene,
+        take_off: EndOfFlight,
+        touchdown: EndOfFlight,
+        robot: TwoMass,
+        share_sigma: float,
+        level: Level,
+    ) -> FlightTime:
+        rig = self.settings.rig
+        radius = rig.arm.com_radius_m if rig.geometry == "arm" and rig.arm else math.inf
+        weight = 1.0 / (1.0 + (level.sigma_m_s2 / (rig.gravity_std_share * self.gravity)) ** 2)
+        gravity = self.gravity - weight * level.value_m_s2
+        robot = replace(robot, gravity_m_s2=gravity)
+        scene = replace(scene, expected=replace(self.expected, robot=robot))
+        fall = FreeFall(gravity, level.slope_m_s3, level.middle_s, radius)
+        begin, end = take_off.strange_s, touchdown.strange_s
+        hung = [side.local.ringing.compression(at, robot)[0] for side, at in ((take_off, begin), (touchdown, end))]
+        rise = (1.0 - robot.leg_share) * (hung[0] - hung[1])
+        speed = fall.take_off_speed_m_s(begin, end - begin, rise)
+        edges, hard = self._edges(scene, take_off, touchdown, speed, begin)
+        fit = FlightFit(edges[0], edges[1], robot, share_sigma, fall, level, self.motion, self.gravity, self.noise)
+        return self._judge(fit, hard)
+
+    def _edges(
+        self, scene: Scene, take_off: EndOfFlight, touchdown: EndOfFlight, speed: float, at_s: float
+    ) -> tuple[tuple[Edge, Edge], bool]:
+        """Both ends on the ground, soft or hard, that explains them best."""
+        best: tuple[float, tuple[Edge, Edge], bool] | None = None
         for hard in (False, True):
-            for earlier_s in _TOUCHDOWN_STARTS_S:
-                try:
-                    candidate = fit_contact(
-                        self.times,
-                        self.motion,
-                        stretch,
-                        self.expected,
-                        ground,
-                        self.heartbeat,
-                        hard=hard,
-                        earlier_s=earlier_s,
-                    )
-                except ValueError:  # this start leads nowhere; another may
-                    continue
-                candidates.append(candidate)
-        if not candidates:
+            pair = [best_edge(scene, end, hard, speed, at_s) for end in (touchdown, take_off)]
+            if pair[0] is None or pair[1] is None:
+                continue
+            cost = pair[0].cost / pair[0].residuals.size + pair[1].cost / pair[1].residuals.size
+            if best is None or cost < best[0]:
+                best = (cost, (pair[1], pair[0]), hard)
+            if max(edge.misfits()[1] for edge in best[1]) < 1.5:
+                break
+        if best is None:
             raise NoFlight("no contact model explains the ends of the flight")
-        return min(candidates, key=lambda candidate: candidate.fit.cost)
+        return best[1], best[2]
 
-    def _judge(self, best: ContactFit) -> FlightTime:
-        take_off, touchdown = (float(value) for value in best.fit.parameters[:2])
-        before, flying, after = best.misfits()
-        chi = flying
-        # A misfit says that the model misses something: the errors of what it should tell grow with it.
-        misfit = flying * math.sqrt(best.samples_per_error())
-        growth = np.array([max(1.0, misfit, before), max(1.0, misfit, after)])
-        covariance = best.fit.covariance[:2, :2] * np.outer(growth, growth)
-        variances = np.diag(covariance) + _MODEL_ERROR_S**2
-        sigma = math.sqrt(float(variances.sum() - 2.0 * covariance[0, 1]))
-        chatter_s = self.settings.evaluation.chatter_s if best.problem.hard else 0.0
-        ringing = best.ringing
-        ends = [ringing.compression(time, self.expected.robot) for time in (take_off, touchdown)]
-        gain = self.settings.rig.sensor_gain
-        offset = float(best.fit.parameters[P.OFFSET]) + self.static / gain - self.gravity
-        verdict = self._verdict(chi, sigma, offset - self.static / gain + self.gravity, best)
+    def _judge(self, fit: FlightFit, hard: bool) -> FlightTime:
+        edges = (fit.take_off, fit.touchdown)
+        if fit.touchdown.time_s - fit.take_off.time_s <= 0.0:
+            raise NoFlight("the ends of the flight do not stand in order")
+        chi = max(edge.misfits()[0] for edge in edges)
+        evaluation = self.settings.evaluation
+        floors = (evaluation.take_off_error_s, evaluation.touchdown_error_s)
+        sigmas = []
+        for edge, floor_s in zip(edges, floors, strict=True):
+            growth = max(1.0, *edge.misfits())  # a misfit says that the model misses something
+            sigmas.append(math.hypot(growth * math.sqrt(edge.covariance[E.TIME, E.TIME]), floor_s))
+        sigmas[1] = math.hypot(sigmas[1], self.record.rate_sigma * (edges[1].time_s - edges[0].time_s))
+        ends = [edge.ringing.compression(edge.time_s, fit.robot) for edge in edges]
+        offset = fit.level.value_m_s2 * self.gain + self.static - self.gravity * self.gain
+        verdict = self._verdict(chi, math.hypot(*sigmas), fit)
         return FlightTime(
             verdict=verdict,
             reasons=tuple(self.reasons),
-            take_off_s=take_off + self.record.fire_s,
-            touchdown_s=touchdown + self.record.fire_s,
-            take_off_sigma_s=math.hypot(math.sqrt(variances[0]), chatter_s),
-            touchdown_sigma_s=math.sqrt(variances[1]),
-            time_of_flight_sigma_s=math.hypot(sigma, chatter_s),
-            ballistic_sigma_s=sigma,
+            take_off_s=fit.take_off.time_s + self.record.fire_s,
+            touchdown_s=fit.touchdown.time_s + self.record.fire_s,
+            take_off_sigma_s=sigmas[0],
+            touchdown_sigma_s=sigmas[1],
             static_m_s2=self.static,
             static_sigma_m_s2=self.static_sigma,
-            offset_m_s2=offset * gain,
-            offset_sigma_m_s2=math.sqrt(best.fit.covariance[P.OFFSET, P.OFFSET]) * max(1.0, misfit) * gain,
+            offset_m_s2=offset,
+            offset_sigma_m_s2=fit.level.sigma_m_s2 * self.gain,
             compression_m=(ends[0][0], ends[1][0]),
             compression_rate_m_s=(ends[0][1], ends[1][1]),
-            residual_rms_m_s2=float(np.sqrt(np.mean(best.fit.residuals**2))) * self.expected.noise_m_s2,
             chi=chi,
-            contact="hard" if best.problem.hard else "soft",
+            contact="hard" if hard else "soft",
+            fit=fit,
         )
 
-    def _verdict(self, chi: float, sigma_s: float, bias_m_s2: float, best: ContactFit) -> str:
-        off = abs(bias_m_s2) > _REJECTED_BIAS * self.gravity
+    def _verdict(self, chi: float, sigma_s: float, fit: FlightFit) -> str:
+        off = abs(fit.level.value_m_s2) > _REJECTED_BIAS * self.gravity + 5.0 * fit.level.sigma_m_s2
         if off:
-            self.reasons.append(f"what rings is not in free fall (off by {bias_m_s2:.2f} m/s^2)")
+            bias = fit.level.value_m_s2
+            self.reasons.append(f"what rings is not in free fall (off by {bias:.2f} m/s^2)")
         if chi > _REJECTED_CHI:
             self.reasons.append(f"the flight does not ring like this robot (misfit {chi:.0f} sigma)")
         if sigma_s > _REJECTED_SIGMA_S:
             self.reasons.append(f"time of flight known to {sigma_s * 1e3:.0f} ms only")
-        if off or chi > _REJECTED_CHI or sigma_s > _REJECTED_SIGMA_S:
+        gap = self._gap_at(fit)
+        if gap:
+            self.reasons.append(gap)
+        if off or gap or chi > _REJECTED_CHI or sigma_s > _REJECTED_SIGMA_S:
             return "rejected"
         if chi > _DEGRADED_CHI:
             self.reasons.append(f"the ringing is explained to {chi:.1f} sigma only")
         if sigma_s > _DEGRADED_SIGMA_S:
             self.reasons.append(f"time of flight known to {sigma_s * 1e3:.1f} ms only")
-        if not best.fit.converged:
-            self.reasons.append("the fit of the flight did not converge")
         return "degraded" if self.reasons else "valid"
+
+    def _gap_at(self, fit: FlightFit) -> str:
+        """An edge that lies in, or right beside, a gap of the samples was guessed, not seen."""
+        steps = np.diff(self.times)
+        longest = _GAP_STEPS * float(np.median(steps))
+        for index in np.flatnonzero(steps > longest).tolist():
+            for name, edge in (("take-off", fit.take_off), ("touchdown", fit.touchdown)):
+                if self.times[index] - _EDGE_S < edge.time_s < self.times[index + 1] + _EDGE_S:
+                    return f"a gap in the accelerometer's samples at {name}"
+        return ""

@@ -35,6 +35,7 @@ class GroundSettings:
 
     soft_stiffness_n_m: Positive
     hard_stiffness_n_m: Positive
+    loading_stiffness_n_m: Positive
     stiffness_log_std: Positive
     damping_std_n_s_m: Positive
     release_rate_n_s: Positive
@@ -46,7 +47,9 @@ class EvaluationSettings:
 
     gravity_error_m_s2: Positive
     rise_error_m: Positive
-    chatter_s: NotNegative
+    push_error_share: Positive
+    take_off_error_s: Positive
+    touchdown_error_s: Positive
     reference_repeatability: Share
     ground: GroundSettings
 
@@ -141,6 +144,8 @@ class SensorSettings:
     spring_hop_noise_m: Positive
     spring_step_m: Positive
     accelerometer_noise_m_s2: Positive
+    accelerometer_step_m_s2: Positive
+    scale_std_share: Share
 
 
 @dataclass(frozen=True)

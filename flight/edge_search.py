@@ -1,0 +1,151 @@
+"""Each end of the flight: where the ringing stops to explain the record, and the ground that explains the rest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight.edge_fit import TAKE_OFF, E, Edge, EdgeData, fit_edge, starts
+from flight.flight_search import Expectation, LocalRinging, NoFlight, Stretch, fit_ringing
+from flight.heartbeat import Heartbeat
+from flight.settings import GroundSettings
+
+Array = NDArray[np.float64]
+
+_LOCAL_PERIODS = 1.5  # of the ringing that is fitted next to an edge
+_CLEAR_S = 0.005  # the windows of the search may reach so far into the contact
+_STRANGE_SIGMAS = 6.0
+# Stretch of contact that is modelled, from the strange sample; on steel the foot has bounced before.
+_INTO_S = {(False, False): 0.0045, (False, True): 0.001, (True, False): 0.0025, (True, True): 0.0015}
+_EDGE_STD_S = 4e-3  # how far the search may have missed the edge
+_SPEED_STD = (0.015, 0.01)  # of the foot: share of its own ringing, and [m/s]
+_HARD_LOG_STD = 0.5  # of the logarithm of a hard ground's stiffness
+_YIELD_LOG_STD = 0.5
+# Stretch of contact that is modelled, beyond the strange sample; on steel the foot has bounced before.
+_INTO_S = {(False, False): 0.0035, (False, True): 0.001, (True, False): 0.0025, (True, True): 0.0015}
+# Edges that are tried, from the strange sample towards the flight: last one and their distance.
+_TRIED_S = {False: (7e-3, 3.5e-4), True: (1.5e-3, 2e-4)}
+_STIFF_LOGS = {False: (12.0, 13.2, 14.4), True: (15.8, 17.0)}
+_GOOD_CHI = 1.5  # misfit in contact of a fit that needs no other start
+_MOST_STARTS = 3
+_EDGE_STD_S = 4e-3  # how far the search may have missed the edge
+_SPEED_STD = (0.015, 0.01)  # of the foot: share of its own ringing, and [m/s]
+_HARD_LOG_STD = 0.5  # of the logarithm of a hard ground's stiffness
+_YIELD_LOG_STD = 0.5
+# Where the fit of an edge starts, from the strange sample: at take-off and touchdown, on soft and on hard ground.
+_STARTS_S = {
+    (False, False): (8e-4,),
+    (False, True): (1e-4, 5e-4),
+    (True, False): (-1e-4, -7e-4),
+    (True, True): (-1e-4, -7e-4),
+}
+_LEVEL_STD_M_S2 = 0.05
+
+
+@dataclass(frozen=True)
+class EndOfFlight:
+    """One end: the ringing next to it, and the sample nearest to the flight that it does not explain."""
+
+    way: float
+    local: LocalRinging
+    inner_s: tuple[float, float]
+    strange_s: float
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What both ends share: samples, noise, the robot and its ground."""
+
+    times_s: Array
+    motion_m_s2: Array
+    noise_m_s2: float
+    expected: Expectation
+    ground: GroundSettings
+    load_n: float  # the most that the ground bore at rest and in the push, roughly
+    heartbeat: Heartbeat
+
+
+def look_at_end(scene: Scene, stretch: Stretch, way: float, omega_std: float) -> EndOfFlight:
+    """Fit the ringing next to one end, and follow it outwards until it fails."""
+    t, y, expected = scene.times_s, scene.motion_m_s2, scene.expected
+    length = _LOCAL_PERIODS * 2.0 * math.pi / expected.omega_rad_s
+    clear = min(_CLEAR_S, 0.15 * (stretch.last_s - stretch.first_s))
+    first, last = stretch.first_s + clear, stretch.last_s - clear
+    first, last = (first, min(last, first + length)) if way == TAKE_OFF else (max(first, last - length), last)
+    inner = (t >= first) & (t <= last)
+    if int(inner.sum()) < 9:
+        raise NoFlight("too few samples in flight")
+    decay = (expected.decay_1_s, expected.decay_std)
+    local = fit_ringing(t[inner], y[inner], (expected.omega_rad_s, omega_std), decay, scene.noise_m_s2)
+    allowed = _STRANGE_SIGMAS * max(scene.noise_m_s2, local.rms_m_s2)
+    outside = np.flatnonzero(t < first)[::-1] if way == TAKE_OFF else np.flatnonzero(t > last)
+    strange = np.abs(y[outside] - local.motion_m_s2(t[outside])) > allowed
+    twice = strange[:-1] & strange[1:]
+    if not twice.any():
+        raise NoFlight("the robot was not seen to leave the ground" if way == TAKE_OFF else "no impact after the flight")
+    return EndOfFlight(way, local, (first, last), float(t[outside[int(np.argmax(twice))]]))
+
+
+def best_edge(
+    scene: Scene, end: EndOfFlight, hard: bool, speed_m_s: float, speed_at_s: float
+) -> Edge | None:
+    """The best fit of this end on hard or on soft ground; None where none leads anywhere."""
+    data = _edge_data(scene, end, hard, speed_m_s, speed_at_s)
+    touchdown = end.way != TAKE_OFF
+    last_s, apart_s = _TRIED_S[touchdown]
+    last_s += 1.2 * float(np.median(np.diff(scene.times_s)))
+    tried = end.strange_s - end.way * np.arange(-2e-4, last_s, apart_s)
+    edges = []
+    for start in starts(data, tried, _STIFF_LOGS[hard], _MOST_STARTS):
+        try:
+            edges.append(fit_edge(data, start, scene.heartbeat))
+        except (ValueError, np.linalg.LinAlgError):  # this start leads nowhere; another may
+            continue
+        if edges[-1].misfits()[1] < _GOOD_CHI:
+            break
+    return min(edges, key=lambda edge: edge.cost, default=None)
+
+
+def _edge_data(
+    scene: Scene, end: EndOfFlight, hard: bool, speed_m_s: float, speed_at_s: float
+) -> EdgeData:
+    touchdown = end.way != TAKE_OFF
+    t, expected, ground = scene.times_s, scene.expected, scene.ground
+    edge_s = end.strange_s
+    step = float(np.median(np.diff(t)))
+    into = max(_INTO_S[touchdown, hard], 1.6 * step)
+    low, high = end.inner_s
+    low, high = (low, end.strange_s + into) if touchdown else (end.strange_s - into, high)
+    chosen = (t >= low) & (t <= high)
+    local = end.local.ringing.seen_from(edge_s)
+    leg_kg, free = expected.leg_mass_kg, math.inf
+    stiff = ground.hard_stiffness_n_m if hard else ground.soft_stiffness_n_m
+    foot = (1.0 - expected.robot.leg_share) * abs(local.compression(edge_s, expected.robot)[1])
+    prior = {
+        E.TIME: (edge_s, _EDGE_STD_S),
+        E.STIFF: (math.log(stiff / leg_kg), _HARD_LOG_STD if hard else ground.stiffness_log_std),
+        E.SPEED: (0.0, _SPEED_STD[0] * foot + _SPEED_STD[1]),
+        E.YIELD: (math.log(scene.load_n / leg_kg), _YIELD_LOG_STD),
+        E.SOFT: (math.log(ground.loading_stiffness_n_m / leg_kg), ground.stiffness_log_std),
+        E.OMEGA: (local.omega_rad_s, 0.02 * local.omega_rad_s),
+        E.DECAY: (local.decay_1_s, expected.decay_1_s),
+        E.COSINE: (local.cosine_m_s2, free),
+        E.SINE: (local.sine_m_s2, free),
+        E.OFFSET: (end.local.level_m_s2, _LEVEL_STD_M_S2),
+    }
+    table = np.array([prior[name] for name in E], dtype=np.float64)
+    return EdgeData(
+        t[chosen],
+        scene.motion_m_s2[chosen],
+        max(scene.noise_m_s2, 1e-6),
+        end.way,
+        hard,
+        expected.robot,
+        speed_m_s,
+        speed_at_s,
+        table[:, 0],
+        table[:, 1],
+    )

@@ -1,0 +1,133 @@
+"""The push before the flight: when the lock opened, how far the body rose, and the speed it got.
+
+The accelerometer's samples carry the push; where it is clipped, missing or slow, the spring sensor fills in, as
+a = (m_l/M)(omega_0^2 delta + 2 lambda delta'), corrected by what the two differ where both speak.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight.flight_time import FlightFit
+from flight.record import HopRecord
+
+Array = NDArray[np.float64]
+
+_ONSET_S = 0.003  # stretch after the opening over which the push starts as a parabola
+_ONSET_ERROR_S = 4e-5  # of the opening's time: what the parabola leaves out
+_CANDIDATES = 41
+
+
+class NoPush(Exception):
+    """The push cannot be followed; the message says why."""
+
+
+@dataclass(frozen=True)
+class Push:
+    """Times (n,) from the opening to take-off, from the fire command, and the body's acceleration z'' there.
+
+    `opening_sigma_s` is of the first time; `first_m_s2` is the jump of the acceleration at the opening.
+    """
+
+    times_s: Array
+    acceleration_m_s2: Array
+    opening_sigma_s: float
+
+    @property
+    def first_m_s2(self) -> float:
+        return float(self.acceleration_m_s2[0])
+
+    @property
+    def gained_m_s(self) -> float:
+        """Speed of the body at take-off, by integration from rest."""
+        return float(_cumulative(self.times_s, self.acceleration_m_s2)[-1])
+
+    def rise_m(self, speed_m_s: float) -> float:
+        """Rise of the body until take-off, where its speed is given: integrated backwards."""
+        gained = _cumulative(self.times_s, self.acceleration_m_s2)
+        return float(_cumulative(self.times_s, speed_m_s - (gained[-1] - gained))[-1])
+
+
+def find_push(record: HopRecord, fit: FlightFit, held_m: float) -> Push:
+    """The push of a hop; `held_m` is the spring's compression before. Raises `NoPush`."""
+    end = fit.take_off.time_s
+    ringing, share = fit.take_off.ringing, fit.robot.leg_share
+    jump = share * ringing.stiffness_1_s2 * held_m
+    bracket = _opening_bracket(record, fit, jump)
+    times, pushing = _merged(record, fit, held_m, bracket)
+    inside = (times >= bracket[1]) & (times < end)
+    if int(inside.sum()) < 3:
+        raise NoPush("the push between the fire command and take-off is not covered by samples")
+    opening, sigma = _onset(times[inside], pushing[inside], bracket, jump)
+    last = float(np.interp(end, times, pushing))
+    t = np.concatenate(([opening], times[inside], [end]))
+    return Push(t, np.concatenate(([jump], pushing[inside], [last])), sigma)
+
+
+def _opening_bracket(record: HopRecord, fit: FlightFit, jump: float) -> tuple[float, float]:
+    """The last accelerometer sample before the push and the first in it."""
+    times = record.times_s - record.fire_s
+    pushed = record.saturated | (fit.motion_m_s2 - fit.rest_m_s2 > 0.2 * jump)
+    moving = np.flatnonzero((times > 0.0) & (times < fit.take_off.time_s) & pushed)
+    if moving.size == 0 or moving[0] == 0:
+        raise NoPush("no push is seen between the fire command and take-off")
+    return float(times[moving[0] - 1]), float(times[moving[0]])
+
+
+def _merged(
+    record: HopRecord, fit: FlightFit, held_m: float, bracket: tuple[float, float]
+) -> tuple[Array, Array]:
+    """The body's acceleration z'' around the push by both sensors, on the times of both."""
+    until = fit.take_off.time_s + 0.01
+    times = record.times_s - record.fire_s
+    near = (times > bracket[0] - 0.01) & (times < until)
+    clipped = bool(np.any(record.saturated & near))
+    usable = near & ~record.saturated
+    times, pushing = times[usable], fit.motion_m_s2[usable] - fit.rest_m_s2
+    spring_s = record.spring_times_s - record.fire_s
+    chosen = (spring_s > bracket[1]) & (spring_s < until)
+    spring_s = spring_s[chosen]
+    if spring_s.size < 8:
+        if clipped:
+            raise NoPush("the accelerometer was saturated in the push, and no spring sensor fills in")
+        return times, pushing
+    ringing, robot = fit.take_off.ringing, fit.robot
+    delta = record.compression_m[chosen]  # beyond the weight's own, which balances gravity
+    rate = np.gradient(delta, spring_s)
+    by_spring = robot.leg_share * (ringing.stiffness_1_s2 * delta + 2.0 * ringing.decay_1_s * rate)
+    both = times > bracket[1]
+    if both.any():
+        difference = pushing[both] - np.interp(times[both], spring_s, by_spring)
+        by_spring = by_spring + np.interp(spring_s, times[both], difference)
+    together_s = np.concatenate((times, spring_s))
+    order = np.argsort(together_s, kind="stable")
+    return together_s[order], np.concatenate((pushing, by_spring))[order]
+
+
+def _onset(times: Array, pushing: Array, bracket: tuple[float, float], jump: float) -> tuple[float, float]:
+    """When the lock opened: where a parabola through the first samples of the push has the known height."""
+    early = times < times[0] + _ONSET_S
+    if int(early.sum()) < 3:
+        early = np.arange(times.size) < 3
+    t, left = times[early], pushing[early] - jump
+    candidates = np.linspace(*bracket, _CANDIDATES)
+    tau = t[None, :] - candidates[:, None]
+    # left = -a tau^2 + b tau^3 for each candidate
+    s4, s5, s6 = (np.sum(tau**n, axis=1) for n in (4, 5, 6))
+    y2, y3 = np.sum(left * tau**2, axis=1), np.sum(left * tau**3, axis=1)
+    determinant = np.maximum(s4 * s6 - s5**2, 1e-300)
+    a, b = (y2 * s6 - y3 * s5) / determinant, (y3 * s4 - y2 * s5) / determinant
+    errors = np.sum((left - a[:, None] * tau**2 - b[:, None] * tau**3) ** 2, axis=1)
+    best = int(np.argmin(errors))
+    spread = float(candidates[-1] - candidates[0]) / math.sqrt(12.0)
+    close = candidates[errors < errors[best] * (1.0 + 4.0 / max(t.size - 2, 1))]
+    return float(candidates[best]), min(spread, math.hypot(float(np.std(close)), _ONSET_ERROR_S))
+
+
+def _cumulative(t: Array, y: Array) -> Array:
+    """Integral of y over t by trapezia, from the first point to each (n,)."""
+    return np.concatenate(([0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(t))))
