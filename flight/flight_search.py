@@ -20,8 +20,9 @@ _PUSH_OVER = 0.5  # body's specific force, in g, below which the push is over
 _PEAK_S = 0.15  # release and push are over within this time after the magnet is energised
 _SEARCH_S = 0.1  # after the push the foot leaves the ground for good within this time
 _SIGMAS, _AMPLITUDE_SHARE, _GRAVITY_SHARE = 8.0, 0.03, 0.05  # what a window in flight may leave unexplained
-_NOT_FALLING = 0.5  # mean of a window, in g, that is no free fall
-_IMPACT_G = 0.5  # that must show at the end of a flight
+_FIRST_AMPLITUDE_SHARE = 0.015
+_NOT_FALLING, _SIGMAS_OF_LEVEL, _LEVEL_SHARE = 0.4, 4.0, 0.1  # mean of a window that is no free fall
+_MAYBE = 2.0  # how much worse a few windows within a flight may fit
 
 
 class NoFlight(Exception):
@@ -67,6 +68,7 @@ class Windows:
     level_m_s2: Array
     amplitude_m_s2: Array
     rms_m_s2: Array
+    level_per_noise: float
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,7 @@ def slide(step_s: float, times_s: Array, values: Array, pole: complex, periods: 
         coefficients[0],
         np.hypot(coefficients[1], coefficients[2]),
         np.sqrt(left / (width - _SHAPES)),
+        float(np.linalg.norm(np.linalg.inv(triangle)[0])),
     )
 
 
@@ -141,15 +144,34 @@ def find_flight(times_s: Array, motion_m_s2: Array, expected: Expectation, noise
     begin = _push_over(times, motion, expected)
     windows = slide(step, times, motion, complex(-expected.decay_1_s, expected.omega_rad_s), _WINDOW_PERIODS)
     gravity = expected.robot.gravity_m_s2
+    soon = slice(begin, begin + 2 * windows.width)
+    first_amplitude = float(np.median(windows.amplitude_m_s2[soon])) if begin < windows.level_m_s2.size else 0.0
     allowed = np.maximum(_SIGMAS * noise_m_s2, _AMPLITUDE_SHARE * windows.amplitude_m_s2)
-    allowed = np.maximum(allowed, _GRAVITY_SHARE * gravity)
-    falling = (windows.rms_m_s2 < allowed) & (np.abs(windows.level_m_s2) < _NOT_FALLING * gravity)
+    allowed = np.maximum(allowed, _GRAVITY_SHARE * gravity + _FIRST_AMPLITUDE_SHARE * first_amplitude)
+    off = _NOT_FALLING * gravity + _SIGMAS_OF_LEVEL * windows.level_per_noise * noise_m_s2
+    off = off + _LEVEL_SHARE * windows.amplitude_m_s2 + 2.0 * _FIRST_AMPLITUDE_SHARE * first_amplitude
+    falling = (windows.rms_m_s2 < allowed) & (np.abs(windows.level_m_s2) < off)
     falling[: max(begin - 1, 0)] = False
     first, last = _first_run(falling, math.ceil(SHORTEST_S / step) - windows.width, begin, step)
+    maybe = windows.rms_m_s2 < np.maximum(_MAYBE * allowed, _MAYBE * _FIRST_AMPLITUDE_SHARE * first_amplitude)
+    last = _without_glitches(falling, maybe, last, windows.width)
     stop = last + windows.width
     if stop >= motion.size - 3:
         raise NoFlight("the record ends before the robot has touched down")
     return Stretch(float(times[first]), float(times[stop - 1]))
+
+
+def _without_glitches(
+    falling: NDArray[np.bool_], maybe: NDArray[np.bool_], last: int, width: int
+) -> int:
+    """The last window of a flight in which a few windows may fit less well: a mechanism that sticks and slips."""
+    while True:
+        again = np.flatnonzero(falling[last + 1 : last + 1 + 2 * width])
+        if not again.size or not maybe[last + 1 : last + 1 + int(again[0])].all():
+            return last
+        last += 1 + int(again[0])
+        stop = np.flatnonzero(~falling[last:])
+        last = last + int(stop[0]) - 1 if stop.size else falling.size - 1
 
 
 def _push_over(times_s: Array, motion: Array, expected: Expectation) -> int:

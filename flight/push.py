@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from flight.flight_time import FlightFit
 from flight.record import HopRecord
+from flight.ringing import Ringing
 
 Array = NDArray[np.float64]
 
-_ONSET_S = 0.003  # stretch after the opening over which the push starts as a parabola
-_ONSET_ERROR_S = 4e-5  # of the opening's time: what the parabola leaves out
-_CANDIDATES = 41
+_ONSET_S = 0.0025  # stretch after the opening over which the push falls as a cosine
+_ONSET_ERROR_S = 3e-5  # of the opening's time: what the cosine leaves out
+_CANDIDATES = 31
+_SOFTEST_TO_FREE = (0.2, 1.05)  # square of the push's frequency over that of the free ringing
 
 
 class NoPush(Exception):
@@ -62,7 +64,7 @@ def find_push(record: HopRecord, fit: FlightFit, held_m: float) -> Push:
     inside = (times >= bracket[1]) & (times < end)
     if int(inside.sum()) < 3:
         raise NoPush("the push between the fire command and take-off is not covered by samples")
-    opening, sigma = _onset(times[inside], pushing[inside], bracket, jump)
+    opening, sigma = _onset(times[inside], pushing[inside], bracket, jump, ringing)
     last = float(np.interp(end, times, pushing))
     t = np.concatenate(([opening], times[inside], [end]))
     return Push(t, np.concatenate(([jump], pushing[inside], [last])), sigma)
@@ -108,24 +110,28 @@ def _merged(
     return together_s[order], np.concatenate((pushing, by_spring))[order]
 
 
-def _onset(times: Array, pushing: Array, bracket: tuple[float, float], jump: float) -> tuple[float, float]:
-    """When the lock opened: where a parabola through the first samples of the push has the known height."""
+def _onset(
+    times: Array, pushing: Array, bracket: tuple[float, float], jump: float, ringing: Ringing
+) -> tuple[float, float]:
+    """When the lock opened: the push starts at the known jump and falls as jump cos(w tau).
+
+    Where the leg is free to go, w is that of the ringing; where the ground holds it, the body moves alone.
+    """
     early = times < times[0] + _ONSET_S
     if int(early.sum()) < 3:
         early = np.arange(times.size) < 3
-    t, left = times[early], pushing[early] - jump
+    t, seen = times[early], pushing[early]
     candidates = np.linspace(*bracket, _CANDIDATES)
-    tau = t[None, :] - candidates[:, None]
-    # left = -a tau^2 + b tau^3 for each candidate
-    s4, s5, s6 = (np.sum(tau**n, axis=1) for n in (4, 5, 6))
-    y2, y3 = np.sum(left * tau**2, axis=1), np.sum(left * tau**3, axis=1)
-    determinant = np.maximum(s4 * s6 - s5**2, 1e-300)
-    a, b = (y2 * s6 - y3 * s5) / determinant, (y3 * s4 - y2 * s5) / determinant
-    errors = np.sum((left - a[:, None] * tau**2 - b[:, None] * tau**3) ** 2, axis=1)
+    turns = np.sqrt(ringing.stiffness_1_s2 * np.linspace(*_SOFTEST_TO_FREE, _CANDIDATES))
+    tau = (t - candidates[:, None])[:, None, :]
+    phase = turns[:, None] * tau
+    damped = (2.0 * ringing.decay_1_s / ringing.stiffness_1_s2) * turns[:, None]
+    errors = np.sum((seen - jump * (np.cos(phase) - damped * np.sin(phase))) ** 2, axis=2).min(axis=1)
     best = int(np.argmin(errors))
-    spread = float(candidates[-1] - candidates[0]) / math.sqrt(12.0)
-    close = candidates[errors < errors[best] * (1.0 + 4.0 / max(t.size - 2, 1))]
-    return float(candidates[best]), min(spread, math.hypot(float(np.std(close)), _ONSET_ERROR_S))
+    likely = np.exp(-0.5 * (errors - errors[best]) / (errors[best] / max(t.size - 2, 1) + 1e-12))
+    mean = float(likely @ candidates / likely.sum())
+    spread = math.sqrt(float(likely @ (candidates - mean) ** 2 / likely.sum()))
+    return mean, math.hypot(spread, _ONSET_ERROR_S)
 
 
 def _cumulative(t: Array, y: Array) -> Array:
