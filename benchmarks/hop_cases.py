@@ -37,6 +37,7 @@ GRAVITIES = {"moon": 1.62, "mars": 3.71, "earth": 9.81}
 
 #: Physics the estimator does not know: median and largest strength of each, by parameter; drawn log-uniformly
 #: from a fifth of the median to the largest.
+#: Effects that the catalogue does not have are left out.
 HIDDEN: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "sleeve_friction": {"F_f": (3.0, 10.0)},
     "soil_rate_dependence": {"c_g": (30.0, 200.0)},
@@ -47,6 +48,8 @@ HIDDEN: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "aerodynamic_drag_linear": {"d": (0.1, 0.5)},
     "buoyancy": {"B": (0.1, 0.6)},
 }
+
+_OF_AIR = ("aerodynamic_drag_quadratic", "aerodynamic_drag_linear", "buoyancy")
 
 
 @dataclass(frozen=True)
@@ -127,9 +130,7 @@ def draw_case(rng: np.random.Generator, nominal: bool) -> HopCase:
     surface = str(rng.choice(SURFACES))
     compression_m = float(rng.uniform(0.022, 0.038))
     if nominal:
-        return HopCase(
-            "bb0b", "earth_arm", surface, "1", 0.0, compression_m, 1666.0, 1.0, 0.0, 0.0, 32.0, ()
-        )
+        return HopCase("bb0b", "earth_arm", surface, "1", 0.0, compression_m, 1666.0, 1.0, 0.0, 0.0, 32.0, ())
     rig = str(rng.choice(("bb0b", "bb0b_arm", "hopter"), p=(0.5, 0.25, 0.25)))
     body = "earth_arm" if rig == "bb0b_arm" else str(rng.choice(list(GRAVITIES)))
     return HopCase(
@@ -144,12 +145,15 @@ def draw_case(rng: np.random.Generator, nominal: bool) -> HopCase:
         0.02,
         float(rng.uniform(-0.03, 0.03)),
         float(rng.choice((16.0, 32.0))),
-        _hidden(rng),
+        _hidden(rng, body),
     )
 
 
-def _hidden(rng: np.random.Generator) -> tuple[str, ...]:
-    known = sorted(set(HIDDEN) & set(catalogue()))
+def _hidden(rng: np.random.Generator, body: str) -> tuple[str, ...]:
+    """Effects that are there; those of the air only where there is some."""
+    known = sorted(
+        name for name in HIDDEN if name in catalogue() and (name not in _OF_AIR or "earth" in body)
+    )
     count = int(rng.choice((0, 1, 2), p=(0.4, 0.4, 0.2)))
     return tuple(sorted(str(name) for name in rng.choice(known, count, replace=False)))
 
@@ -255,7 +259,9 @@ def _fly(case: HopCase, rng: np.random.Generator) -> SimulatedHop | None:
         conditions={"surface": case.surface, "foot": 1.0, "tilt_deg": 0.0, "hop_index": 0.0},
     )
     seen = dict(zip(compiled.output_names, compiled.run(compiled.values, run).T, strict=True))
-    truth = _truth(plant, case.surface, looks_s, {name: seen[name][np.searchsorted(every, looks_s)] for name in SYMBOLS})
+    truth = _truth(
+        plant, case.surface, looks_s, {name: seen[name][np.searchsorted(every, looks_s)] for name in SYMBOLS}
+    )
     if truth is None or truth.touchdown_s + AFTER_S > length_s:
         return None
     force = seen["body_acceleration_m_s2"][np.searchsorted(every, force_s)]
@@ -264,9 +270,7 @@ def _fly(case: HopCase, rng: np.random.Generator) -> SimulatedHop | None:
     end = truth.touchdown_s + AFTER_S
     sensed = _sensed(case, settings, rng, force_s, force, spring_s, spring, magnet, end)
     kept = force_s < end
-    return SimulatedHop(
-        case, truth, settings, sensed, int(kept.sum()), plant, force_s[kept], force[kept]
-    )
+    return SimulatedHop(case, truth, settings, sensed, int(kept.sum()), plant, force_s[kept], force[kept])
 
 
 def _longest_s(plant: Plant, compression_m: float) -> float:
@@ -307,7 +311,9 @@ def _sharp_edges(trace: Trace, flight: tuple[int, float, float], kept: float) ->
     """
     _, take_off_s, touchdown_s = flight
     crater_m = kept * float(trace.foot_m[trace.times_s <= take_off_s].min())
-    free = np.flatnonzero((trace.times_s > take_off_s) & (trace.times_s < touchdown_s) & (trace.contact_n == 0.0))
+    free = np.flatnonzero(
+        (trace.times_s > take_off_s) & (trace.times_s < touchdown_s) & (trace.contact_n == 0.0)
+    )
     edges = []
     for rough_s, three in ((take_off_s, free[:3]), (touchdown_s, free[-3:])):
         path = np.polyfit(trace.times_s[three] - rough_s, trace.foot_m[three] - crater_m, 2)
@@ -343,7 +349,9 @@ def _sensed(
     spring_s, spring, magnet = spring_s[kept], spring[kept], magnet[kept]
     skews = (case.clock_skew, case.clock_skew * rng.uniform(-1.0, 1.0))
     starts = rng.uniform(-0.05, 0.05, 2) if case.clock_skew else np.zeros(2)
-    stamps = [start + (1.0 + skew) * t for start, skew, t in zip(starts, skews, (force_s, spring_s), strict=True)]
+    stamps = [
+        start + (1.0 + skew) * t for start, skew, t in zip(starts, skews, (force_s, spring_s), strict=True)
+    ]
     reads = np.arange(-REST_S, end_s, TICK_S)
     reads = reads + rng.uniform(0.0, 3e-4, reads.size)
     ticks, old = [], (0, 0)

@@ -1,7 +1,8 @@
 """How the centre of mass flies: its fall as the accelerometer saw it, and the speed that a time of flight means.
 
 On a vertical line z'' = -g; on an arm the arc z of the centre of mass falls with g cos(z/L). What else acts slowly on
-the robot shows in flight as a level of the accelerometer that is not what the weight taken away leaves, and as its slope.
+the robot shows in flight as a level of the accelerometer other than what the weight taken away leaves, and as its
+slope.
 """
 
 from __future__ import annotations
@@ -35,9 +36,7 @@ class Level:
         return self.value_m_s2 + self.slope_m_s3 * (time_s - self.middle_s)
 
 
-def flight_level(
-    times_s: Array, motion: Array, stretch: Stretch, pole: complex, noise_m_s2: float
-) -> Level:
+def flight_level(times_s: Array, motion: Array, stretch: Stretch, pole: complex, noise_m_s2: float) -> Level:
     """The level by windows of one period of the ringing, laid end to end over the flight."""
     inside = (times_s > stretch.first_s + _TRIM_S) & (times_s < stretch.last_s - _TRIM_S)
     middle = 0.5 * (stretch.first_s + stretch.last_s)
@@ -59,9 +58,7 @@ def flight_level(
     normal = np.array([[level.size, at.sum()], [at.sum(), float(at @ at) + (one / _SLOPE_STD_M_S3) ** 2]])
     covariance = np.linalg.inv(normal) * one**2
     value, slope = np.linalg.solve(normal, np.array([level.sum(), float(level @ at)]))
-    return Level(
-        float(value), math.sqrt(covariance[0, 0]), float(slope), math.sqrt(covariance[1, 1]), middle
-    )
+    return Level(float(value), math.sqrt(covariance[0, 0]), float(slope), math.sqrt(covariance[1, 1]), middle)
 
 
 @dataclass(frozen=True)

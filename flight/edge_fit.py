@@ -36,8 +36,9 @@ _STEP = np.array((1e-6, 1e-4, 1e-5, 1e-4, 1e-4))
 class EdgeData:
     """Samples around an edge and what is known of the motion there.
 
-    times_s, motion_m_s2 (n,): the body's specific force along the leg. `way`: TAKE_OFF or TOUCHDOWN. `hard` ground gives nothing away. `speed_m_s`: of the
-    centre of mass at the start's edge. `prior_mean`, `prior_std` in the order of `E`.
+    times_s, motion_m_s2 (n,): the body's specific force along the leg. `way`: TAKE_OFF or TOUCHDOWN. `hard` ground
+    gives nothing away. `speed_m_s`: of the centre of mass at `speed_at_s`.
+    `prior_mean`, `prior_std` (10,) in the order of `E`.
     """
 
     times_s: Array
@@ -75,12 +76,16 @@ class Edge:
         """Root mean square residual in noise sigmas: in flight, in contact."""
         contact = self.data.way * (self.data.times_s - self.time_s) > 0.0
         squares = self.residuals**2
-        return tuple(math.sqrt(float(np.mean(squares[part]))) if part.any() else 0.0 for part in (~contact, contact))  # type: ignore[return-value]
+        return tuple(
+            math.sqrt(float(np.mean(squares[part]))) if part.any() else 0.0 for part in (~contact, contact)
+        )  # type: ignore[return-value]
 
 
 def ringing_of(p: Array, data: EdgeData) -> Ringing:
     """The free ringing of a parameter vector; its reference is where the edge was first put."""
-    return Ringing(float(data.prior_mean[E.TIME]), *(float(p[i]) for i in (E.OMEGA, E.DECAY, E.COSINE, E.SINE)))
+    return Ringing(
+        float(data.prior_mean[E.TIME]), *(float(p[i]) for i in (E.OMEGA, E.DECAY, E.COSINE, E.SINE))
+    )
 
 
 def fit_edge(data: EdgeData, start: Array, heartbeat: Heartbeat) -> Edge:
@@ -157,7 +162,7 @@ def _added(data: EdgeData, ringing: Ringing, grounds: Array, times_s: Array) -> 
     if times_s.size == 0 or float(into.max()) <= 0.0:
         return np.zeros(into.shape)
     step_s = _HARD_STEP_S if data.hard else _SOFT_STEP_S
-    tau = np.arange(math.ceil(float(into.max()) / step_s) + 1) * step_s
+    tau: Array = np.arange(math.ceil(float(into.max()) / step_s) + 1) * np.float64(step_s)
     stiff = np.exp(grounds[:, E.STIFF])
     soft = stiff if data.hard else np.minimum(np.exp(grounds[:, E.SOFT]), stiff)
     ground = Ground(stiff, np.exp(grounds[:, E.YIELD]), soft, data.way == TAKE_OFF)
@@ -170,14 +175,18 @@ def _added(data: EdgeData, ringing: Ringing, grounds: Array, times_s: Array) -> 
 def starts(data: EdgeData, edges_s: Array, stiff_logs: tuple[float, ...], most: int) -> list[Array]:
     """The most promising starts (10,) for the fit: edges and stiffnesses tried on the ringing as it is."""
     p = data.prior_mean
-    grounds = np.array([(edge, stiff, 0.0, p[E.YIELD], p[E.SOFT]) for edge in edges_s for stiff in stiff_logs])
+    grounds = np.array(
+        [(edge, stiff, 0.0, p[E.YIELD], p[E.SOFT]) for edge in edges_s for stiff in stiff_logs]
+    )
     ringing = ringing_of(p, data)
     outer = data.way * (data.times_s - (edges_s.min() if data.way > 0.0 else edges_s.max())) > -1e-3
     times = data.times_s[outer]
     left = data.motion_m_s2[outer] - ringing.acceleration_m_s2(times) - p[E.OFFSET]
     with np.errstate(all="ignore"):
         added = _added(data, ringing, grounds, times)
-        misses = (left[:, None] - added) ** 2 / (data.noise_m_s2**2 + (_ROUGH * added) ** 2 + (_ROUGH * left[:, None]) ** 2)
+        misses = (left[:, None] - added) ** 2 / (
+            data.noise_m_s2**2 + (_ROUGH * added) ** 2 + (_ROUGH * left[:, None]) ** 2
+        )
     order = np.argsort(np.nan_to_num(misses.sum(axis=0), nan=np.inf))
     found: list[Array] = []
     for index in order.tolist():

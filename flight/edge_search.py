@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.edge_fit import TAKE_OFF, E, Edge, EdgeData, fit_edge, starts
+from flight.edge_fit import TAKE_OFF, TOUCHDOWN, E, Edge, EdgeData, fit_edge, starts
 from flight.flight_search import Expectation, LocalRinging, NoFlight, Stretch, fit_ringing
 from flight.heartbeat import Heartbeat
 from flight.settings import GroundSettings
@@ -43,6 +43,7 @@ _STARTS_S = {
     (True, True): (-1e-4, -7e-4),
 }
 _LEVEL_STD_M_S2 = 0.05
+_NOT_SEEN = {TAKE_OFF: "the robot was not seen to leave the ground", TOUCHDOWN: "no impact after the flight"}
 
 
 @dataclass(frozen=True)
@@ -85,13 +86,13 @@ def look_at_end(scene: Scene, stretch: Stretch, way: float, omega_std: float) ->
     strange = np.abs(y[outside] - local.motion_m_s2(t[outside])) > allowed
     twice = strange[:-1] & strange[1:]
     if not twice.any():
-        raise NoFlight("the robot was not seen to leave the ground" if way == TAKE_OFF else "no impact after the flight")
+        raise NoFlight(
+            "the robot was not seen to leave the ground" if way == TAKE_OFF else "no impact after the flight"
+        )
     return EndOfFlight(way, local, (first, last), float(t[outside[int(np.argmax(twice))]]))
 
 
-def best_edge(
-    scene: Scene, end: EndOfFlight, hard: bool, speed_m_s: float, speed_at_s: float
-) -> Edge | None:
+def best_edge(scene: Scene, end: EndOfFlight, hard: bool, speed_m_s: float, speed_at_s: float) -> Edge | None:
     """The best fit of this end on hard or on soft ground; None where none leads anywhere."""
     data = _edge_data(scene, end, hard, speed_m_s, speed_at_s)
     touchdown = end.way != TAKE_OFF
@@ -109,9 +110,7 @@ def best_edge(
     return min(edges, key=lambda edge: edge.cost, default=None)
 
 
-def _edge_data(
-    scene: Scene, end: EndOfFlight, hard: bool, speed_m_s: float, speed_at_s: float
-) -> EdgeData:
+def _edge_data(scene: Scene, end: EndOfFlight, hard: bool, speed_m_s: float, speed_at_s: float) -> EdgeData:
     touchdown = end.way != TAKE_OFF
     t, expected, ground = scene.times_s, scene.expected, scene.ground
     edge_s = end.strange_s

@@ -14,7 +14,9 @@ from flight.settings import FlightSettings
 Array = NDArray[np.float64]
 
 SHORTEST_S = 0.03  # of a flight that counts
-_WINDOW_PERIODS = 0.6  # of the ringing: long enough to tell it from a push, short enough to end close to an edge
+_WINDOW_PERIODS = (
+    0.6  # of the ringing: long enough to tell it from a push, short enough to end close to an edge
+)
 _SHAPES = 5  # a constant, and a ringing whose amplitude and phase may drift
 _PUSH_OVER = 0.5  # body's specific force, in g, below which the push is over
 _PEAK_S = 0.15  # release and push are over within this time after the magnet is energised
@@ -108,7 +110,10 @@ def evened(times_s: Array, values: Array) -> tuple[float, Array, Array]:
 
 
 def slide(step_s: float, times_s: Array, values: Array, pole: complex, periods: float) -> Windows:
-    """Least squares of a drifting ringing about a level in all windows of so many periods; `pole` is -decay + i omega."""
+    """Least squares of a drifting ringing about a level in all windows of so many periods.
+
+    `pole` of the ringing: -decay + i omega.
+    """
     width = max(_SHAPES + 3, round(periods * 2.0 * math.pi / pole.imag / step_s))
     if width >= values.size:
         raise NoFlight("the record is too short to hold a flight")
@@ -145,11 +150,13 @@ def find_flight(times_s: Array, motion_m_s2: Array, expected: Expectation, noise
     windows = slide(step, times, motion, complex(-expected.decay_1_s, expected.omega_rad_s), _WINDOW_PERIODS)
     gravity = expected.robot.gravity_m_s2
     soon = slice(begin, begin + 2 * windows.width)
-    first_amplitude = float(np.median(windows.amplitude_m_s2[soon])) if begin < windows.level_m_s2.size else 0.0
+    first_amplitude = (
+        float(np.median(windows.amplitude_m_s2[soon])) if begin < windows.level_m_s2.size else 0.0
+    )
     allowed = np.maximum(_SIGMAS * noise_m_s2, _AMPLITUDE_SHARE * windows.amplitude_m_s2)
     allowed = np.maximum(allowed, _GRAVITY_SHARE * gravity + _FIRST_AMPLITUDE_SHARE * first_amplitude)
-    off = _NOT_FALLING * gravity + _SIGMAS_OF_LEVEL * windows.level_per_noise * noise_m_s2
-    off = off + _LEVEL_SHARE * windows.amplitude_m_s2 + 2.0 * _FIRST_AMPLITUDE_SHARE * first_amplitude
+    still = _NOT_FALLING * gravity + _SIGMAS_OF_LEVEL * windows.level_per_noise * noise_m_s2
+    off = still + _LEVEL_SHARE * windows.amplitude_m_s2 + 2.0 * _FIRST_AMPLITUDE_SHARE * first_amplitude
     falling = (windows.rms_m_s2 < allowed) & (np.abs(windows.level_m_s2) < off)
     falling[: max(begin - 1, 0)] = False
     first, last = _first_run(falling, math.ceil(SHORTEST_S / step) - windows.width, begin, step)
@@ -161,9 +168,7 @@ def find_flight(times_s: Array, motion_m_s2: Array, expected: Expectation, noise
     return Stretch(float(times[first]), float(times[stop - 1]))
 
 
-def _without_glitches(
-    falling: NDArray[np.bool_], maybe: NDArray[np.bool_], last: int, width: int
-) -> int:
+def _without_glitches(falling: NDArray[np.bool_], maybe: NDArray[np.bool_], last: int, width: int) -> int:
     """The last window of a flight in which a few windows may fit less well: a mechanism that sticks and slips."""
     while True:
         again = np.flatnonzero(falling[last + 1 : last + 1 + 2 * width])
@@ -233,7 +238,9 @@ def fit_ringing(
         fade = np.exp(-pole[1] * tau)
         cosine, sine = fade * np.cos(pole[0] * tau), fade * np.sin(pole[0] * tau)
         if not amplitudes.any():
-            amplitudes = np.linalg.lstsq(np.column_stack((cosine, sine, np.ones_like(tau))), motion, rcond=None)[0]
+            amplitudes = np.linalg.lstsq(
+                np.column_stack((cosine, sine, np.ones_like(tau))), motion, rcond=None
+            )[0]
         wave = amplitudes[0] * cosine + amplitudes[1] * sine
         left = motion - wave - amplitudes[2]
         turned = amplitudes[1] * cosine - amplitudes[0] * sine

@@ -90,10 +90,11 @@ def estimate_flight(
     record: HopRecord, settings: FlightSettings, heartbeat: Heartbeat | None = None
 ) -> FlightTime:
     """Take-off, touchdown and time of flight of one hop. Never raises for what the record holds."""
+    estimate = _Estimate(record, settings, heartbeat or Heartbeat())
     try:
-        return _Estimate(record, settings, heartbeat or Heartbeat()).result()
+        return estimate.result()
     except (NoFlight, Stalled) as error:
-        return FlightTime("rejected", (str(error),))
+        return FlightTime("rejected", (str(error), *estimate.reasons, *estimate.doubts))
 
 
 class _Estimate:
@@ -106,12 +107,10 @@ class _Estimate:
         self.gain = settings.rig.sensor_gain
         self.times = record.times_s - record.fire_s
         self.reasons: list[str] = []
-        self._check_record()
-        self.static, self.static_sigma, self.noise = self._static()
-        # In flight a sensor without bias would read the ringing about static/gain - g.
-        self.motion = record.specific_force_m_s2 / self.gain - (self.static / self.gain - self.gravity)
+        self.doubts: list[str] = []  # which count only where no flight was found
 
     def _check_record(self) -> None:
+        """Raises `NoFlight` for what cannot be evaluated, and notes what makes it doubtful."""
         record = self.record
         if self.times.size < 50:
             raise NoFlight(f"only {self.times.size} accelerometer samples")
@@ -119,6 +118,9 @@ class _Estimate:
             raise NoFlight("accelerometer samples that are no numbers")
         if np.any(np.diff(self.times) <= 0.0):
             raise NoFlight("accelerometer times do not increase")
+        after = np.diff(self.times[self.times > -0.02])
+        if np.any(after > _GAP_STEPS * float(np.median(np.diff(self.times)))):
+            self.doubts.append("a gap in the accelerometer's samples")
         if not record.complete:
             self.reasons.append("a sensor lost samples during the hop")
 
@@ -134,6 +136,10 @@ class _Estimate:
         return float(np.mean(rest)), spread / math.sqrt(rest.size), spread / self.gain
 
     def result(self) -> FlightTime:
+        self._check_record()
+        self.static, self.static_sigma, self.noise = self._static()
+        # In flight a sensor without bias would read the ringing about static/gain - g.
+        self.motion = self.record.specific_force_m_s2 / self.gain - (self.static / self.gain - self.gravity)
         stretch = find_flight(self.times, self.motion, self.expected, self.noise)
         self._check_saturation(stretch)
         scene = self._scene(stretch)
@@ -151,7 +157,9 @@ class _Estimate:
         rig = self.settings.rig
         before = self.record.compression_m[self.record.spring_times_s < self.record.fire_s]
         held_m = float(np.median(before)) if before.size else 0.0
-        load_n = rig.spring_stiffness_n_m * max(held_m, 0.0) + (rig.body_mass_kg + rig.leg_mass_kg) * self.gravity
+        load_n = (
+            rig.spring_stiffness_n_m * max(held_m, 0.0) + (rig.body_mass_kg + rig.leg_mass_kg) * self.gravity
+        )
         return Scene(
             self.times[usable],
             self.motion[usable],
@@ -196,11 +204,15 @@ class _Estimate:
         scene = replace(scene, expected=replace(self.expected, robot=robot))
         fall = FreeFall(gravity, level.slope_m_s3, level.middle_s, radius)
         begin, end = take_off.strange_s, touchdown.strange_s
-        hung = [side.local.ringing.compression(at, robot)[0] for side, at in ((take_off, begin), (touchdown, end))]
+        hung = [
+            side.local.ringing.compression(at, robot)[0] for side, at in ((take_off, begin), (touchdown, end))
+        ]
         rise = (1.0 - robot.leg_share) * (hung[0] - hung[1])
         speed = fall.take_off_speed_m_s(begin, end - begin, rise)
         edges, hard = self._edges(scene, take_off, touchdown, speed, begin)
-        fit = FlightFit(edges[0], edges[1], robot, share_sigma, fall, level, self.motion, self.gravity, self.noise)
+        fit = FlightFit(
+            edges[0], edges[1], robot, share_sigma, fall, level, self.motion, self.gravity, self.noise
+        )
         return self._judge(fit, hard)
 
     def _edges(
@@ -267,12 +279,19 @@ class _Estimate:
         if gap:
             self.reasons.append(gap)
         if off or gap or chi > _REJECTED_CHI or sigma_s > _REJECTED_SIGMA_S:
+            self.reasons += self.doubts
             return "rejected"
+        if self._gap_in(-0.02, fit.touchdown.time_s):
+            self.reasons.append("a gap in the accelerometer's samples")
         if chi > _DEGRADED_CHI:
             self.reasons.append(f"the ringing is explained to {chi:.1f} sigma only")
         if sigma_s > _DEGRADED_SIGMA_S:
             self.reasons.append(f"time of flight known to {sigma_s * 1e3:.1f} ms only")
         return "degraded" if self.reasons else "valid"
+
+    def _gap_in(self, first_s: float, last_s: float) -> bool:
+        inside = self.times[(self.times > first_s) & (self.times < last_s)]
+        return bool(np.max(np.diff(inside)) > _GAP_STEPS * float(np.median(np.diff(self.times))))
 
     def _gap_at(self, fit: FlightFit) -> str:
         """An edge that lies in, or right beside, a gap of the samples was guessed, not seen."""

@@ -1,8 +1,9 @@
 """Height of a jump from its time of flight and its push, with every error carried through.
 
 The foot leaves the ground and comes back to it at the same height; between, the centre of mass is ballistic:
-v T - g T^2/2 = (m_b/M)(delta_1 - delta_2). An error of take-off or touchdown counts by the foot's speed there, which is
-why the height is known better than the time of flight alone would tell. The push gives the same speed once more.
+v T - g T^2/2 = (m_b/M)(delta_1 - delta_2). An error of take-off or touchdown counts by the foot's speed there,
+which is why the height is known better than the time of flight alone would tell. The push gives the same
+speed once more.
 """
 
 from __future__ import annotations
@@ -81,7 +82,9 @@ def jump_height(
         return _height(x, by + weight * (by_push.value - by), fit, push)
 
     through_flight = _through(height, at, sources)
-    lifted = (height(at) - _height(at, by_flight.value, fit, push)) / (weight * -apart) if weight * apart else 0.0
+    lifted = (
+        (height(at) - _height(at, by_flight.value, fit, push)) / (weight * -apart) if weight * apart else 0.0
+    )
     total = through_flight + Uncertain.of(0.0, lifted * weight * sigma, f"push#{hop_index}")
     total = total.with_part(f"rise#{hop_index}", evaluation.rise_error_m)
     return Jump(speed, total, apart, apart / math.hypot(by_flight.sigma, sigma))
@@ -123,6 +126,3 @@ def _height(x: _Inputs, speed: float, fit: FlightFit, push: Push) -> float:
     up_s = speed / x.gravity_m_s2
     slowed = x.slope_m_s3 * (up_s**3 / 6.0 + 0.5 * (x.take_off_s - fit.fall.middle_s) * up_s**2)
     return rise + 0.5 * speed**2 / x.gravity_m_s2 + slowed
-
-
-

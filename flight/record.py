@@ -106,11 +106,7 @@ class HopRecorder:
             spring_times_s=self._times("spring", self._spring),
             compression_m=_joined([batch.compression_m for batch in self._spring]),
             # An overrun told by the first batch concerns samples from before the record.
-            complete=not any(
-                batch.overrun
-                for batches in (self._accelerometer, self._spring)
-                for batch in itertools.islice(batches, 1, None)
-            ),
+            complete=not (_overrun(self._accelerometer) or _overrun(self._spring)),
             magnet_times_s=self._times("magnet", self._magnet),
             magnet_current_a=_joined([batch.current_a for batch in self._magnet]),
             rate_sigma=self.clock("accelerometer").rate_sigma,
@@ -122,6 +118,10 @@ class HopRecorder:
         if clock == ClockMap():
             return stamps
         return clock.origin_s + clock.offset_s + clock.rate * (stamps - clock.origin_s)
+
+
+def _overrun(batches: Iterable[SpecificForce | SpringCompression]) -> bool:
+    return any(batch.overrun for batch in itertools.islice(batches, 1, None))
 
 
 def _joined(batches: Sequence[tuple[float, ...]]) -> Array:

@@ -56,7 +56,7 @@ class Senses:
             newest = force.specific_force_m_s2
             values["specific_force_m_s2"], sampled["accelerometer"] = newest[-1], force.times_s[-1]
             values["specific_force_low_m_s2"], values["specific_force_high_m_s2"] = min(newest), max(newest)
-        self.recorder.add(force, spring, magnet)
+        self.recorder.add(force, spring, magnet, now_s)
         values |= {"tick_late_s": late_s, "failed_reads": self._failed, **known}
         self.latest = Snapshot(time_s=now_s, sampled_s=sampled, **values)
         return self.latest, events

@@ -1,8 +1,8 @@
 """The clock of a sensor against the board's, from the sensor's own time stamps and the times at which they were read.
 
-A sample is read no earlier than it was taken, and now and then almost at once. So in the plane of stamp and reading time
-all batches lie on or above the line that maps one clock to the other, and the lower hull of the points tells it: of
-the hull's edges, the one under the middle of the record (the least mean delay that no reading contradicts).
+A sample is read no earlier than it was taken, and now and then almost at once. So in the plane of stamp and reading
+time all batches lie on or above the line that maps one clock to the other, and the lower hull of the points tells it:
+of the hull's edges, the one under the middle of the record (the least mean delay that no reading contradicts).
 V. Paxson, "On calibrating measurements of packet transit times" (SIGMETRICS 1998), uses the same envelope.
 """
 
@@ -85,7 +85,9 @@ class SensorClock:
         # The envelope is touched to about the mean delay over half the readings, at each of its ends.
         sigma = 4.0 * delay_s / (self._count * span_s) + 1e-9
         first_stamp, first_read = self._first
-        lag_s = first_read + below[1] - (first_stamp + below[0])  # of the identity, where the envelope is touched
+        lag_s = (
+            first_read + below[1] - (first_stamp + below[0])
+        )  # of the identity, where the envelope is touched
         if abs(rate - 1.0) < _BELIEVED_SIGMAS * sigma and abs(lag_s) < 2.0 * delay_s + 1e-6:
             return ClockMap()
         origin = first_stamp + below[0]
