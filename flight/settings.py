@@ -37,8 +37,6 @@ class GroundSettings:
     hard_stiffness_n_m: Positive
     loading_stiffness_n_m: Positive
     stiffness_log_std: Positive
-    damping_std_n_s_m: Positive
-    release_rate_n_s: Positive
 
 
 @dataclass(frozen=True)
