@@ -20,7 +20,7 @@ from ground.diagnose.crossval import HeldOut, cross_validate, in_sample
 from ground.diagnose.fit import Fit
 from ground.diagnose.released import ReleasedParameter, released_parameters
 from ground.diagnose.scoring import OCCAM, effective_share, model_weights, probability_better
-from ground.diagnose.screen import Promise, promises_job, trial_job
+from ground.diagnose.screen import SEEN, Promise, promises_job, trial_job
 from ground.diagnose.workers import FitTask, Workers, fit_job
 from sim_hal.plant.simulate import Plant
 
@@ -75,11 +75,15 @@ class Chosen:
 
 @dataclass(frozen=True)
 class Named:
-    """The end of the search: the extended fit, what joined, and what was tried in the last round in vain."""
+    """The end of the search: the extended fit, what joined, and what was tried in the last round in vain.
+
+    `screened` is what every other candidate promised in the last round, and how little of it would have been seen.
+    """
 
     fit: Fit
     chosen: tuple[Chosen, ...]
     refused: tuple[tuple[Candidate, float], ...]
+    screened: tuple[Promise, ...]
 
 
 class Search:
@@ -90,6 +94,7 @@ class Search:
         self.progress = progress
         self.given = given
         self._twins: dict[str, tuple[Candidate, ...]] = {}
+        self._screened: list[Promise] = []
 
     def run(self, refit: Fit) -> Named:
         """Add effects one by one until none predicts better."""
@@ -108,7 +113,7 @@ class Search:
             self.progress("settling the extended plant")
             (current,) = self.fitted([FitTask(current.plant, current, current.values, "final")])
         final = tuple(self.contest(current, one) for one in chosen)
-        return Named(current, final, refused)
+        return Named(current, final, refused, tuple(self._screened))
 
     def fitted(self, tasks: Sequence[FitTask]) -> list[Fit]:
         """Fits in the order of the tasks."""
@@ -151,7 +156,9 @@ class Search:
         parts = 2 * self.workers.count
         chunks: list[tuple[Fit, Sequence[Candidate]]] = [(current, offered[i::parts]) for i in range(parts)]
         found = self.workers.map(promises_job, chunks)
-        promises = sorted((p for some in found for p in some), key=lambda p: -p.gain)[:TRIED]
+        every = [p for some in found for p in some]
+        self._screened = every
+        promises = sorted((p for p in every if p.gain > SEEN), key=lambda p: -p.gain)[:TRIED]
         tested = self.workers.map(trial_job, [(current, promise) for promise in promises])
         ranked = sorted(tested, key=lambda p: -p.gain)
         kept: dict[str, list[Promise]] = {}

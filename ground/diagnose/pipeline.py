@@ -16,6 +16,7 @@ from ground.diagnose.findings import findings_of, next_run, verdict_of
 from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.locate import LocateTask, locate, still_missing
 from ground.diagnose.name import Named, Search
+from ground.diagnose.power import power_of, untestable
 from ground.diagnose.problem import PRIOR_REACH
 from ground.diagnose.result import Diagnosis
 from ground.diagnose.scales import find_scales
@@ -207,6 +208,8 @@ def conclude(
                 }
                 for name in refit.values
             },
+            "power": power_of(named.screened),
+            "untestable": untestable(named.screened),
             "located": [
                 {
                     "equation": f.equation,

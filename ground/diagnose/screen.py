@@ -27,13 +27,19 @@ SMALL = 1e-3
 """Strength at which the derivative is taken, as a share of the candidate's start."""
 SHARES = (1.0, 0.3)
 """Shares of the promised step that are tried."""
+SEEN = 25.0
+"""Drop in chi-square at which an effect counts as seen: more than the best of hundreds of trials gains by chance."""
 PRESSED = 2.5
 """A parameter that the refit leaves within this many tolerances has no reason to be released."""
 
 
 @dataclass(frozen=True)
 class Promise:
-    """What one start of a candidate promises: a drop in cost, where (`values`), and how it moves the residuals."""
+    """What one start of a candidate promises: a drop in cost, where (`values`), and how it moves the residuals.
+
+    `least` is the strength, as a multiple of the start's, that these recordings would have shown (`SEEN`); infinite
+    where they do not feel the effect at all.
+    """
 
     candidate: Candidate
     start: int
@@ -41,6 +47,7 @@ class Promise:
     step: Float
     values: Mapping[str, float]
     direction: Float
+    least: float
 
 
 class Absorbed:
@@ -70,42 +77,42 @@ class Absorbed:
 
 
 def promises_job(context: Context, task: tuple[Fit, Sequence[Candidate]]) -> list[Promise]:
-    """What every start of each candidate promises by the score test; those that are not felt here are left out."""
+    """What every start of each candidate promises by the score test."""
     fit, offered = task
     absorbed = Absorbed(fit)
     found: list[Promise] = []
     for candidate in offered:
         if isinstance(candidate, EffectCandidate):
-            tried = [effect_promise(context, absorbed, candidate, start) for start in range(candidate.starts)]
-            found += [promise for promise in tried if promise is not None]
+            found += [
+                effect_promise(context, absorbed, candidate, start) for start in range(candidate.starts)
+            ]
         elif isinstance(candidate, ReleasedParameter):
             found += release_promise(fit, candidate)
     return found
 
 
-def effect_promise(
-    context: Context, absorbed: Absorbed, candidate: EffectCandidate, start: int
-) -> Promise | None:
+def effect_promise(context: Context, absorbed: Absorbed, candidate: EffectCandidate, start: int) -> Promise:
     """The score test of one effect from one start; `step` is in shares of the start's strengths."""
     fit = absorbed.fit
     slopes = np.column_stack(
         [strength_slope(context, fit, candidate, start, name) for name in candidate.own_strengths]
     )
     clear = absorbed.out_of(slopes)
-    felt = np.linalg.norm(clear, axis=0) > UNFELT * np.sqrt(slopes.shape[0])
-    if not felt.any():
-        return None
+    lengths = np.linalg.norm(clear, axis=0)
+    felt = lengths > UNFELT * np.sqrt(slopes.shape[0])
+    least = float(np.sqrt(SEEN) / lengths.max()) if felt.any() else np.inf
     step = np.zeros(felt.size)
-    step[felt] = -np.linalg.lstsq(clear[:, felt], absorbed.residuals, rcond=None)[0]
+    if felt.any():
+        step[felt] = -np.linalg.lstsq(clear[:, felt], absorbed.residuals, rcond=None)[0]
     if not candidate.two_sided and step[0] <= 0.0:
-        return None
+        step[:] = 0.0
     gone = clear @ step
     gain = float(gone @ gone)
     unknowns = fit.z + absorbed.follow(slopes @ step)
     values = {
         f.name: f.centre + f.scale * z for f, z in zip(fit.free, unknowns, strict=True) if f.segment is None
     }
-    return Promise(candidate, start, gain, step, values, gone / max(np.sqrt(gain), 1e-300))
+    return Promise(candidate, start, gain, step, values, gone / max(np.sqrt(gain), 1e-300), least)
 
 
 def strength_slope(
@@ -135,7 +142,8 @@ def release_promise(fit: Fit, candidate: ReleasedParameter) -> list[Promise]:
     gain = float(gone @ gone) + float(fit.z[index] ** 2)
     if step[0] * fit.z[index] <= 0.0:
         return []
-    return [Promise(candidate, 0, gain, step, fit.values, gone / max(np.linalg.norm(gone), 1e-300))]
+    least = float(np.sqrt(SEEN) / np.linalg.norm(clear))
+    return [Promise(candidate, 0, gain, step, fit.values, gone / max(np.linalg.norm(gone), 1e-300), least)]
 
 
 def trial_job(context: Context, task: tuple[Fit, Promise]) -> Promise:
