@@ -28,7 +28,7 @@ from hal.board import Board, open_board
 from hal.config import config_path, config_root, read_yaml
 from hal.errors import ConfigError
 from hal.tap import tap_board
-from sim_hal.board import SimBoard
+from sim_hal.board import SIMULATED_BOARDS, world_of
 from sim_hal.truth import REFERENCE, HopTruth
 
 __all__ = ["hop_rows", "plan_mission", "run_mission"]
@@ -113,7 +113,7 @@ def _board_settings(
     """Settings of the board's file with changes; for a simulated one with the mission's ground under each hop."""
     path = config_root() / "boards" / f"{board}.yaml"
     found: dict[str, Any] = read_yaml(path) if path.is_file() else {}
-    if board == "sim":
+    if board in SIMULATED_BOARDS:
         found["spots"] = [_spot(index, hop, settings) for index, hop in enumerate(plan.hops)]
     for key, value in changes.items():
         merged = isinstance(value, Mapping) and isinstance(found.get(key), Mapping)
@@ -129,7 +129,7 @@ def _spot(index: int, hop: HopPlan, settings: FlightSettings) -> dict[str, Any]:
 
 
 def _truths(board: Board) -> list[HopTruth]:
-    return board.world.hops if isinstance(board, SimBoard) else []
+    return world_of(board).hops if board.name in SIMULATED_BOARDS else []
 
 
 def _outcomes(

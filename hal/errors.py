@@ -37,3 +37,31 @@ class DeviceClosed(HalError, RuntimeError):
 
 class CommandRefused(HalError, ValueError):
     """An actuator was commanded beyond its limits. Nothing was changed."""
+
+
+class NoAcknowledge(ReadFailed):
+    """A part on a bus did not acknowledge: unplugged, without supply, or at another address."""
+
+
+class BusStuck(ReadFailed):
+    """A bus cannot be used at all: one of its lines is held."""
+
+
+class ShortRead(ReadFailed):
+    """Fewer bytes came than were asked for."""
+
+
+class BadChecksum(ReadFailed):
+    """What came is damaged: its checksum, or the sequence of its parts, is wrong."""
+
+
+class DeviceReset(ReadFailed):
+    """A part has lost its settings (a brown-out), so what it delivers means something else."""
+
+
+class WrongDevice(DeviceError):
+    """Another part answers than the one that is configured."""
+
+
+class SelfTestFailed(DeviceError):
+    """A part's own test says that it is broken."""

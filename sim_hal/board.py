@@ -31,6 +31,8 @@ from sim_hal.truth import REFERENCE
 from sim_hal.world import World
 
 SOURCE = "settings of board 'sim'"
+SIMULATED_BOARDS = ("sim", "raspberry_pi_emulated")
+"""Boards with a simulated world behind them, whose settings say what ground that has."""
 
 
 @dataclass(frozen=True)
@@ -55,9 +57,7 @@ def open_sim(settings: Mapping[str, Any]) -> SimBoard:
     """Open the simulated robot. Raises `ConfigError` naming key, value and limit."""
     checked = build_settings(settings, SimSettings, SOURCE)
     check_contradictions(checked, SOURCE)
-    drive, hop = (_load(getattr(checked.plants, kind), kind) for kind in ("drive", "hop"))
-    _check_surfaces(checked, hop)
-    rig = Rig(checked, World(checked, drive, hop))
+    rig = Rig(checked, world_from(checked, SOURCE))
     link = LoopbackLink("ground_link", rig, checked.ground_link.depth)
     return SimBoard(
         name="sim",
@@ -77,31 +77,39 @@ def open_sim(settings: Mapping[str, Any]) -> SimBoard:
     )
 
 
+def world_from(settings: SimSettings, source: str) -> World:
+    """The physical robot that checked settings describe. Raises `ConfigError` for its plant files."""
+    drive, hop = (_load(getattr(settings.plants, kind), kind, source) for kind in ("drive", "hop"))
+    _check_surfaces(settings, hop, source)
+    return World(settings, drive, hop)
+
+
 def world_of(board: Board) -> World:
     """The world behind a simulated board. Raises `BoardUnavailable` for a board that is none."""
-    if not isinstance(board, SimBoard):
+    rig = getattr(board, "rig", None)
+    if not isinstance(rig, Rig):
         raise BoardUnavailable(f"board {board.name!r} is not simulated: nobody knows the truth behind it")
-    return board.world
+    return rig.world
 
 
-def _check_surfaces(settings: SimSettings, hop: Plant) -> None:
+def _check_surfaces(settings: SimSettings, hop: Plant, source: str) -> None:
     """Every spot, and the reference that C3 is measured against, must be a surface of the plant."""
     known = ", ".join(hop.surfaces)
     for index, spot in enumerate(settings.spots):
         if spot.surface not in hop.surfaces:
             raise ConfigError(
-                f"{SOURCE}: spots[{index}].surface = {spot.surface!r} is not in plants.hop = "
+                f"{source}: spots[{index}].surface = {spot.surface!r} is not in plants.hop = "
                 f"{settings.plants.hop!r}; known there: {known}"
             )
     if REFERENCE not in hop.surfaces:
         raise ConfigError(
-            f"{SOURCE}: plants.hop = {settings.plants.hop!r} lacks the reference surface {REFERENCE!r}"
+            f"{source}: plants.hop = {settings.plants.hop!r} lacks the reference surface {REFERENCE!r}"
         )
 
 
-def _load(name: str, kind: str) -> Plant:
+def _load(name: str, kind: str, source: str) -> Plant:
     path = Path(name) if Path(name).is_absolute() else config_path(name)
     plant = load_plant(path)
     if plant.kind != kind:
-        raise ConfigError(f"{SOURCE}: plants.{kind} = {name!r} is a plant of kind {plant.kind!r}")
+        raise ConfigError(f"{source}: plants.{kind} = {name!r} is a plant of kind {plant.kind!r}")
     return plant

@@ -45,6 +45,11 @@ class SampledSensor:
         self._count = 0
 
     @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The rates that the sensor has."""
+        return self._modes
+
+    @property
     def mode(self) -> Mode:
         """The rate in force, with its noise and range."""
         return self._mode

@@ -1,0 +1,1 @@
+"""Register-accurate models of the robot's chips, fed by the plant: what the real drivers talk to in a simulation."""
