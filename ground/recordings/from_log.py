@@ -126,7 +126,9 @@ def _drive(
     table = table_of(
         samples | {VOLTAGE: channels.held(VOLTAGE, start_s, stretch.armed_s)}, start_s, held=VOLTAGE
     )
-    taut = string_taut(table.channels["nut_position_m"], table.channels["spring_compression_m"])
+    spring_s, compression_m = samples["spring_compression_m"]
+    # on the robot the two are not sampled at the same instants
+    taut = string_taut(np.interp(spring_s, *samples["nut_position_m"]), compression_m)
     current_a = table.channels["motor_current_a"].copy()
     # a plant starts without current, the motor turned with one: the winding settles within the first period
     current_a[np.flatnonzero(np.isfinite(current_a))[0]] = np.nan

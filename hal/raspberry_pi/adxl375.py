@@ -14,9 +14,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from contextlib import suppress
 
 from hal.devices import Clock
-from hal.errors import DeviceError, DeviceReset, SelfTestFailed, WrongDevice
+from hal.errors import DeviceError, DeviceReset, ReadFailed, SelfTestFailed, WrongDevice
 from hal.raspberry_pi.fifo_accelerometer import STANDARD_GRAVITY_M_S2, FifoAccelerometer
 from hal.raspberry_pi.settings import AccelerometerSettings
 from hal.raspberry_pi.wire import I2cPart
@@ -72,7 +73,8 @@ class Adxl375(FifoAccelerometer):
         self._expected = bytes((rate_code, MEASURE))
 
     def _make_safe(self) -> None:
-        self._part.write(POWER_CTL, 0)
+        with suppress(ReadFailed):  # a part that is gone samples no more
+            self._part.write(POWER_CTL, 0)
 
     def _drain(self) -> tuple[Sequence[tuple[int, int, int]], bool]:
         block = self._part.read(BW_RATE, INT_SOURCE - BW_RATE + 1)

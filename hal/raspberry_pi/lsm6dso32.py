@@ -11,9 +11,18 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from contextlib import suppress
 
 from hal.devices import Clock
-from hal.errors import BadChecksum, DeviceError, DeviceReset, ReadTimeout, SelfTestFailed, WrongDevice
+from hal.errors import (
+    BadChecksum,
+    DeviceError,
+    DeviceReset,
+    ReadFailed,
+    ReadTimeout,
+    SelfTestFailed,
+    WrongDevice,
+)
 from hal.raspberry_pi.fifo_accelerometer import STANDARD_GRAVITY_M_S2, FifoAccelerometer
 from hal.raspberry_pi.settings import AccelerometerSettings
 from hal.raspberry_pi.wire import I2cPart, signed
@@ -85,7 +94,8 @@ class Lsm6dso32(FifoAccelerometer):
         self._expected = self._part.read(FIFO_CTRL4, 1) + bytes((IDENTITY,)) + self._part.read(CTRL1_XL, 1)
 
     def _make_safe(self) -> None:
-        self._part.write(CTRL1_XL, 0)
+        with suppress(ReadFailed):  # a part that is gone samples no more
+            self._part.write(CTRL1_XL, 0)
 
     def _drain(self) -> tuple[Sequence[tuple[int, int, int]], bool]:
         low, high = self._part.read(FIFO_STATUS1, 2)

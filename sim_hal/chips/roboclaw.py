@@ -117,6 +117,8 @@ class RoboClawChip:
             self._heard_s = self._rig.now_s
             self._obey(number, data[:-2])
             return b"\xff"
+        if number == 16 and self._rig.faults.active("nut_encoder", self._rig.now_s) == "fail":
+            return b""
         self._heard_s = self._rig.now_s
         answer = self._report(number)
         return answer + _crc(packet + answer)
