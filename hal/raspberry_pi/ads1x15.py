@@ -94,7 +94,7 @@ class Ads1x15Spring(PiDevice):
 
     def _verify(self) -> None:
         if self._part.read_word(LOW_THRESHOLD) != MARK:
-            self._part.set_word(LOW_THRESHOLD, MARK)
+            self._part.write_word(LOW_THRESHOLD, MARK)  # the next read shows whether it took it
             raise DeviceReset(f"{self._name}: the converter has lost its settings")
 
     def _take(self, now_s: float) -> tuple[float, float] | None:

@@ -86,7 +86,7 @@ def open_emulated(settings: Mapping[str, Any]) -> EmulatedBoard:
         ports = EmulatedPorts(rig, wiring, faults, folder, checked.supply_v)
         board = assemble(NAME, wiring, ports)
     except BaseException:
-        shutil.rmtree(folder)
+        shutil.rmtree(folder, ignore_errors=True)
         raise
     return EmulatedBoard(**vars(board), rig=rig, chips=ports)
 

@@ -65,6 +65,7 @@ class Ina226Chip(_WordChip):
         """As at power-up: converting, but without calibration."""
         super().reset()
         self._ready = False
+        self._converted_s = self._signal.now_s
         self._configure()
 
     def _set(self, register: int, value: int) -> None:
@@ -93,7 +94,9 @@ class Ina226Chip(_WordChip):
     def _convert(self) -> None:
         if not self.registers[self.CONFIGURATION] & 0x1:  # mode without the shunt
             return
-        self._ready = bool(self._signal.take()) or self._ready
+        newest_s = self._signal.newest_s()
+        self._ready = self._ready or newest_s > self._converted_s
+        self._converted_s = newest_s
         shunt = max(-0x8000, min(0x7FFF, round(self._signal.newest() * self._ampere_to_digits)))
         self.registers[self.SHUNT] = shunt & 0xFFFF
         self.registers[self.CURRENT] = _word(shunt * self.registers[self.CALIBRATION] / 2048)

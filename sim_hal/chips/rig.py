@@ -137,6 +137,11 @@ class Signal:
         self.take()
         return self._newest.value
 
+    def newest_s(self) -> float:
+        """When that was sampled."""
+        self.take()
+        return self._newest.time_s
+
 
 class RigClock:
     """The board's clock: waiting lets the simulated world go on."""

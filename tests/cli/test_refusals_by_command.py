@@ -170,8 +170,11 @@ def test_a_malformed_configuration(
 @pytest.mark.parametrize(
     ("command", "says"),
     [
-        (("run", "--board", "mars"), "no board is called 'mars'; known here: raspberry_pi, sim"),
-        (("run", "--board", "raspberry_pi"), "board 'raspberry_pi': the drivers for the motor controller"),
+        (
+            ("run", "--board", "mars"),
+            "no board is called 'mars'; known here: raspberry_pi, raspberry_pi_emulated, sim",
+        ),
+        (("run", "--board", "raspberry_pi"), "board 'raspberry_pi': this computer is not the robot"),
         (("run", "--surface", "mud"), "'mud'"),
         (("run", "--energy-j", "900"), "energy_j = 900 is outside the rig's limits ["),
         (("run", "--energy-j", "nan"), "energy_j = nan is outside the rig's limits ["),
