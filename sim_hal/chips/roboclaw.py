@@ -74,8 +74,8 @@ class RoboClawChip:
         self._rig.command_voltage_v(0.0)
 
     def open_line(self, baud: int, timeout_s: float) -> ServedLine:
-        """The near end of the line."""
-        return ServedLine(self.path, self.serve, baudrate=baud, timeout=timeout_s, write_timeout=timeout_s)
+        """The near end of the line. Writing has no timeout: a busy computer must not look like a fault."""
+        return ServedLine(self.path, self.serve, baudrate=baud, timeout=timeout_s)
 
     def close(self) -> None:
         """Unplug. May be called again."""
