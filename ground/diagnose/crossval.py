@@ -40,6 +40,10 @@ class HeldOut:
         stacked = np.concatenate([block.ravel() for block in self.residuals])
         return float(np.nanmean(stacked**2))
 
+    def by_channel(self) -> list[Float]:
+        """All residuals of each output, (samples,) each."""
+        return list(np.concatenate(self.residuals).T)
+
     def scores(self, share: Float) -> Float:
         """Log predictive density by block, counting `share` effective samples per sample."""
         parts = max(1, round(BLOCKS_WANTED / len(self.residuals)))

@@ -62,7 +62,8 @@ ELSEWHERE_ODDS = 0.1
 class Chosen:
     """An effect in the extended plant, its rivals with their weights, and what the plant is like without it.
 
-    `twins` act alike on these recordings: nothing but where they usually occur speaks for one of them.
+    `twins` act alike on these recordings: nothing but where they usually occur speaks for one of them. `rival_fit` is
+    the plant with the closest rival in its place.
     """
 
     candidate: Candidate
@@ -71,6 +72,7 @@ class Chosen:
     twins: tuple[Candidate, ...]
     weights: tuple[tuple[Candidate, float], ...] = ()
     chi2_without: float = 0.0
+    rival_fit: tuple[Candidate, Fit] | None = None
 
 
 @dataclass(frozen=True)
@@ -273,6 +275,7 @@ class Search:
             weights=tuple(sorted(weights, key=lambda item: -item[1])),
             probability_better=probability_better(scores[0], lacking),
             chi2_without=absent.chi2,
+            rival_fit=close[0] if close else None,
         )
 
 

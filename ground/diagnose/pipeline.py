@@ -193,7 +193,7 @@ def conclude(
         findings=findings,
         fit=verified.fit,
         residual_whiteness=verified.whiteness,
-        next_experiment=next_run(named, findings),
+        next_experiment=next_run(named, findings, data.windows, data.sigmas),
         notes=notes_of(data, refit, named),
         details={
             "windowed_rms": {

@@ -72,7 +72,7 @@ class Absorbed:
         change = self.residuals.copy()
         change[: moved.size] += moved
         step = np.zeros(self.fit.z.size)
-        step[self.moving] = -np.linalg.solve(self._r, self._q.T @ change)
+        step[self.moving] = -np.linalg.lstsq(self._r, self._q.T @ change, rcond=None)[0]
         return step
 
 
