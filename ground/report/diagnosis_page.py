@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,18 @@ from plotly.subplots import make_subplots
 
 from ground.diagnose.evidence import Evidence, LocatedForce, Trace
 from ground.diagnose.result import Diagnosis, Finding
-from ground.report.page import BLUE, GREEN, GREY, ORANGE, RED, Cell, Page
+from ground.report.page import BLUE, GREEN, GREY, ORANGE, RED, Cell, Page, Tone
 
 Float = NDArray[np.float64]
 
-POINTS = 3000
+POINTS = 2000
 """Points that a plot keeps of a long trace; more only make the page heavy."""
+NO_CHANGE = 0.02
+"""Errors this close to each other are the same."""
+WILD = 5.0
+"""A nominal prediction this many times worse than the refit is hidden until asked for: it would flatten the rest."""
+STRETCHES = 60
+CLEARLY = 2.0
 
 
 def write_diagnosis_page(path: Path, diagnosis: Diagnosis, evidence: Evidence, plant_text: str) -> Path:
@@ -28,13 +35,20 @@ def write_diagnosis_page(path: Path, diagnosis: Diagnosis, evidence: Evidence, p
         add_finding(page, number, finding)
     add_fit(page, diagnosis)
     for trace in evidence.traces:
-        page.figure(trace_figure(trace), f"{trace.run}: {trace.channel}, held out of the fit.")
+        noise = diagnosis.fit[trace.channel].noise_rms
+        page.figure(
+            trace_figure(trace, noise),
+            f"{trace.run}: {trace.channel}, held out of the fit. Shaded: where the refitted plant's error exceeds "
+            "the sensor's noise.",
+        )
     add_forces(page, evidence)
     add_published(page, diagnosis.details.get("reference"))
     page.section(
         "What to do next", diagnosis.next_experiment or "Nothing that this plant and these runs ask for."
     )
-    page.section("Keep in mind", "\n\n".join(diagnosis.notes))
+    add_power(page, diagnosis)
+    if diagnosis.notes:
+        page.section("Keep in mind", "\n\n".join(diagnosis.notes))
     page.section("The plant with what was found").code(plant_text)
     return page.write(path)
 
@@ -91,8 +105,7 @@ def add_fit(page: Page, diagnosis: Diagnosis) -> None:
     )
     rows = []
     for name, fit in diagnosis.fit.items():
-        better = fit.extended_rms < fit.refit_rms
-        extended = Cell(f"{fit.extended_rms:.4g}", "good" if better else "bad")
+        extended = Cell(f"{fit.extended_rms:.4g}", tone_of(fit.extended_rms / max(fit.refit_rms, 1e-300)))
         white = diagnosis.residual_whiteness[name]
         figures = (fit.nominal_rms, fit.refit_rms)
         whiteness = (f"{p:.2g}" for p in (white.refit_p, white.extended_p))
@@ -126,14 +139,48 @@ def add_fit(page: Page, diagnosis: Diagnosis) -> None:
         )
 
 
+def tone_of(ratio: float) -> Tone:
+    """Whether an error that became `ratio` of what it was is better, worse or the same."""
+    return "plain" if abs(ratio - 1.0) < NO_CHANGE else "good" if ratio < 1.0 else "bad"
+
+
+def add_power(page: Page, diagnosis: Diagnosis) -> None:
+    """What else these recordings would have shown, and what they could not."""
+    power = diagnosis.details.get("power")
+    if not power:
+        return
+    page.section(
+        "What else would have shown",
+        "The smallest strength of each effect that these recordings would have given away, at the shape that they "
+        "feel best. An effect that is not found here may still be there if it is weaker.",
+    )
+    page.table(
+        ["effect", "enters", "parameter", "smallest strength seen", "unit"],
+        [
+            [
+                row["physics_id"].replace("_", " "),
+                row["place"].replace("_", " "),
+                row["parameter"],
+                f"{row['smallest_seen']:.2g}",
+                row["unit"],
+            ]
+            for row in sorted(power, key=lambda row: str(row["physics_id"]))
+        ],
+    )
+    if diagnosis.details.get("untestable"):
+        page.text(
+            "Would not show in these recordings at all: " + ", ".join(diagnosis.details["untestable"]) + "."
+        )
+
+
 def thin(values: Float) -> Float:
     """At most `POINTS` of a trace, evenly taken."""
     step = max(1, -(-values.size // POINTS))
-    return values[::step]
+    return values[::step].astype(np.float32)
 
 
-def trace_figure(trace: Trace) -> go.Figure:
-    """Prediction against measurement above, the errors below."""
+def trace_figure(trace: Trace, noise: float) -> go.Figure:
+    """Prediction against measurement above, the errors below; shaded where the refit's exceed the noise."""
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
     time = thin(trace.times_s)
     lines: Mapping[str, tuple[Float, str]] = {
@@ -141,9 +188,9 @@ def trace_figure(trace: Trace) -> go.Figure:
         "refit": (trace.refit, ORANGE),
         "extended": (trace.extended, GREEN),
     }
-    span = float(np.nanmax(trace.measured) - np.nanmin(trace.measured))
+    usual = error_of(trace.measured - trace.refit)
     for name, (values, colour) in lines.items():
-        wild = float(np.nanmax(np.abs(values - trace.measured))) > 5.0 * max(span, 1e-300)
+        wild = error_of(trace.measured - values) > WILD * max(usual, 1e-300)
         visible = "legendonly" if wild and name == "nominal" else True
         line = {"color": colour, "width": 1.5}
         shared = {"x": time, "line": line, "legendgroup": name, "visible": visible, "mode": "lines"}
@@ -152,11 +199,31 @@ def trace_figure(trace: Trace) -> go.Figure:
     figure.add_scatter(
         x=time, y=thin(trace.measured), name="measured", line={"color": BLUE, "width": 1.5}, row=1, col=1
     )
+    for start, stop in shaded(trace, noise):
+        figure.add_vrect(x0=start, x1=stop, fillcolor=RED, opacity=0.12, line_width=0)
     figure.update_yaxes(title_text=f"{trace.channel} [{trace.unit}]", row=1, col=1)
     figure.update_yaxes(title_text=f"measured − predicted [{trace.unit}]", row=2, col=1)
     figure.update_xaxes(title_text="time [s]", row=2, col=1)
     figure.update_layout(height=560, legend={"orientation": "h", "y": 1.08})
     return figure
+
+
+def error_of(errors: Float) -> float:
+    """Root mean square of what is there."""
+    return float(np.sqrt(np.nanmean(errors**2))) if np.isfinite(errors).any() else 0.0
+
+
+def shaded(trace: Trace, noise: float) -> list[tuple[float, float]]:
+    """Stretches in which the refitted plant's error is clearly more than noise, neighbours joined."""
+    errors = trace.measured - trace.refit
+    found: list[tuple[float, float]] = []
+    edges = np.unique(np.linspace(0, errors.size, STRETCHES + 1).round().astype(int))
+    for start, stop in pairwise(edges):
+        if error_of(errors[start:stop]) > CLEARLY * max(noise, 1e-300):
+            span = (float(trace.times_s[start]), float(trace.times_s[min(stop, errors.size - 1)]))
+            joins = bool(found) and found[-1][1] >= span[0]
+            found = [*found[:-1], (found[-1][0], span[1])] if joins else [*found, span]
+    return found
 
 
 def add_forces(page: Page, evidence: Evidence) -> None:
@@ -174,7 +241,8 @@ def add_forces(page: Page, evidence: Evidence) -> None:
             [
                 force.equation,
                 f"{force.log_likelihood_gain:.4g}",
-                ", ".join(f"{cause} {share:.0%}" for cause, share in force.explained.items()),
+                ", ".join(f"{cause} {share:.0%}" for cause, share in force.explained.items() if share > 0.05)
+                or "none of these alone: " + ", ".join(force.explained),
             ]
             for force in evidence.forces
         ],
@@ -187,7 +255,8 @@ def add_forces(page: Page, evidence: Evidence) -> None:
 
 def force_figure(force: LocatedForce) -> go.Figure:
     """Smoothed force against time with its band; beside it, against its strongest cause."""
-    cause = max(force.causes, key=lambda name: force.explained[name])
+    best = max(force.causes, key=lambda name: force.explained[name])
+    cause = best if force.explained[best] > 0.0 else "time"
     figure = make_subplots(rows=1, cols=2, column_widths=[0.6, 0.4], horizontal_spacing=0.1)
     time, before, std = thin(force.times_s), thin(force.before), thin(force.before_std)
     edge = {"mode": "lines", "line": {"width": 0}, "showlegend": False, "hoverinfo": "skip"}

@@ -6,9 +6,12 @@ setting. All text is escaped: a page shows what it is given, and never lets it a
 
 from __future__ import annotations
 
+import base64
+import gzip
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from html import escape
 from pathlib import Path
 from typing import Any, Literal
@@ -101,7 +104,11 @@ class Page:
 
     def html(self) -> str:
         """The whole page as one HTML document."""
-        plots = f"<script>{get_plotlyjs()}</script>\n<script>{DRAW_SCRIPT}</script>" if self._figures else ""
+        plots = (
+            f'<script type="text/plain" id="plotly">{packed_plotly()}</script>\n<script>{DRAW_SCRIPT}</script>'
+            if self._figures
+            else ""
+        )
         return (
             '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
             '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -118,6 +125,12 @@ class Page:
     def _add(self, part: str) -> Page:
         self._parts.append(part)
         return self
+
+
+@cache
+def packed_plotly() -> str:
+    """Plotly's script, compressed: a third of its size. The page unpacks it before it draws."""
+    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), mtime=0)).decode()
 
 
 def _cell(tag: str, cell: Cell, right: bool) -> str:

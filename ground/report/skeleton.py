@@ -53,7 +53,13 @@ DRAW_SCRIPT = """
       Plotly.react(source.dataset.for, figure.data, figure.layout, { responsive: true, displaylogo: false });
     });
   }
-  draw();
-  dark.addEventListener('change', draw);
+  async function unpack() {
+    const bytes = Uint8Array.from(atob(document.getElementById('plotly').textContent), c => c.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
+    const script = document.createElement('script');
+    script.textContent = await new Response(stream).text();
+    document.head.append(script);
+  }
+  unpack().then(function () { draw(); dark.addEventListener('change', draw); });
 })();
 """
