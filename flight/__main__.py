@@ -5,18 +5,20 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import yaml
 
 from flight import settings as flight_settings
+from flight.background_log import BackgroundLog
 from flight.executive import fly
 from flight.log import McapLog
 from flight.mission import MissionResult, load_mission
 from hal.board import board_names, open_board
 from hal.config import config_path, read_yaml
 from hal.errors import BoardUnavailable, HalError
+from hal.memory import FileMemory
 from hal.tap import tap_board
 
 
@@ -43,6 +45,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--board-settings", type=Path, help="board settings instead of config/boards/NAME.yaml"
     )
+    parser.add_argument(
+        "--memory", type=Path, help="file that keeps the state of the spring over a power cut"
+    )
+    parser.add_argument(
+        "--stay-s", type=float, default=0.0, help="how long to wait in SAFE for the ground's reset"
+    )
     parser.add_argument("--log", required=True, type=Path, help="MCAP file to write; must not exist")
     return parser
 
@@ -62,8 +70,16 @@ def _fly(options: argparse.Namespace) -> MissionResult:
         "mission": yaml.safe_dump(asdict(mission), sort_keys=False),
         "board_settings": where.read_text(encoding="utf-8"),
     }
-    with open_board(options.board, read_yaml(where)) as board, McapLog(options.log, metadata) as log:
-        return fly(tap_board(board, log), settings, mission, log)
+    with (
+        open_board(options.board, read_yaml(where)) as opened,
+        BackgroundLog(McapLog(options.log, metadata, settings.log), settings.log.waiting_messages) as log,
+    ):
+        board = replace(opened, memory=FileMemory(options.memory)) if options.memory else opened
+        result = fly(tap_board(board, log), settings, mission, log, stay_s=options.stay_s)
+
+    if log.problem:
+        print(f"flight: the log is not whole: {log.problem}", file=sys.stderr)
+    return result
 
 
 def _line(report: dict[str, object]) -> str:

@@ -24,7 +24,8 @@ from mcap.writer import CompressionType, IndexType, Writer
 from hal.log import LogError
 
 TIME_FIELD = "log_time_s"
-CHUNK_BYTES = 64 * 1024
+CHUNK_BYTES = 8 * 1024
+"""About 40 ms of flight: what a chunk holds is what is lost when the software dies."""
 LARGEST_CHUNK_BYTES = 1 << 30
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")

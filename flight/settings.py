@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from flight.log import LogSettings
 from flight.monitor_settings import MonitorSettings, monitors_problem
 from flight.parameters import parameters_problem
 from flight.rig import NotNegative, Positive, Share, rig_problem
@@ -158,6 +159,7 @@ class FlightSettings:
     safety: SafetySettings
     timeouts: TimeoutSettings
     sensors: SensorSettings
+    log: LogSettings
     monitors: dict[str, MonitorSettings]
 
     @property

@@ -96,7 +96,10 @@ def run_mission(
         "board_settings": yaml.safe_dump(board_settings, sort_keys=False),
     }
     with whole_folder(folder, SUMMARY_NAME) as work:
-        with open_board(board, board_settings) as opened, McapLog(work / LOG_NAME, metadata) as log:
+        with (
+            open_board(board, board_settings) as opened,
+            McapLog(work / LOG_NAME, metadata, settings.log) as log,
+        ):
             result = fly(tap_board(opened, log), settings, plan, log, watch)
         found, notes = _recordings(work, folder)
         hops = _outcomes(result, _truths(opened), found)

@@ -150,7 +150,7 @@ def test_a_mission_that_fails_is_on_file_with_its_reason(settings: FlightSetting
     content = json.loads((tmp_path / "out" / "mission.json").read_text(encoding="utf-8"))
     assert content["end_reason"] == "magnet_open"
     assert content["spring_loaded"] is False
-    assert content["summary"].startswith("The mission ended after 0 of 1 hops: magnet open")
+    assert content["summary"].startswith("The mission ended after 0 of 1 hops: magnet_open")
     assert "magnet_open" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 

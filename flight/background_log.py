@@ -1,0 +1,62 @@
+"""A log that never makes the tick wait: messages queue up for a thread of their own, which writes them.
+
+When the disc is full, or so slow that too many messages wait, the log gives up: `problem` says why, nothing more is
+recorded (a log with a hole could not be replayed), and the fault table has the robot relax its spring and stop.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from flight.log import McapLog
+
+_END = None
+
+
+class BackgroundLog:
+    """Hands messages to a `McapLog` in the order in which they came. Use as a context manager, or call `close`."""
+
+    def __init__(self, log: McapLog, waiting_messages: int) -> None:
+        self._log = log
+        self._queue: queue.Queue[tuple[str, float, Mapping[str, Any]] | None] = queue.Queue(waiting_messages)
+        self.problem = ""
+        self._broken = False
+        self._thread = threading.Thread(target=self._work, name="log", daemon=True)
+        self._thread.start()
+
+    def write(self, topic: str, time_s: float, payload: Mapping[str, Any]) -> None:
+        """Queue one message; once there is a `problem`, it is dropped."""
+        if self.problem:
+            return
+        try:
+            self._queue.put_nowait((topic, time_s, payload))
+        except queue.Full:
+            self.problem = f"{self._queue.maxsize} messages wait for a disc that is too slow"
+
+    def close(self) -> None:
+        """Write what waits and complete the file. May be called again."""
+        if self._thread.is_alive():
+            self._queue.put(_END)
+            self._thread.join()
+
+    def _work(self) -> None:
+        while (message := self._queue.get()) is not _END:
+            if not self._broken:  # what waited for a slow disc is still written: there is no hole before it
+                self._try(self._log.write, *message)
+        self._try(self._log.close)
+
+    def _try(self, act: Callable[..., None], *arguments: Any) -> None:
+        try:
+            act(*arguments)
+        except (ValueError, OSError) as error:  # LogError is a ValueError
+            self._broken = True
+            self.problem = self.problem or str(error)
+
+    def __enter__(self) -> BackgroundLog:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
