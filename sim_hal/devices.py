@@ -43,12 +43,12 @@ class SimDevice:
 
     def _require_reading(self) -> None:
         self._require_open()
-        if self._rig.faults.active(self._name, self._rig.now_s) == "fail":
+        if not self._rig.answers(self._name):
             raise ReadFailed(f"{self._name}: no answer at {self._rig.now_s:.4f} s")
 
     def _require_obedience(self) -> None:
         self._require_open()
-        if self._rig.faults.active(self._name, self._rig.now_s) == "fail":
+        if not self._rig.answers(self._name):
             raise DeviceError(f"{self._name}: command not acknowledged at {self._rig.now_s:.4f} s")
 
 
@@ -115,7 +115,7 @@ class SimMotorCurrentSensor(_Polled):
     def read(self) -> MotorCurrent:
         """The latest current."""
         sample = self._latest()
-        return MotorCurrent(sample.time_s, sample.value)
+        return MotorCurrent(sample.time_s, sample.value, self._rig.supply_v)
 
 
 class SimSwitches(SimDevice):
@@ -130,9 +130,15 @@ class SimSwitches(SimDevice):
         self._require_reading()
         fault = self._rig.faults.active(self._name, self._rig.now_s)
         world = self._rig.world
-        if fault is None or self._last is None:
+        if fault not in ("stick", "silent") or self._last is None:
             self._last = Switches(self._rig.now_s, world.at_home, world.latch_closed)
-        elif fault == "stick":
+            return self._last
+        if fault == "silent" or (self._last.at_home, self._last.latch_closed) != (
+            world.at_home,
+            world.latch_closed,
+        ):
+            self._rig.note_effect(self._name)
+        if fault == "stick":
             self._last = Switches(self._rig.now_s, self._last.at_home, self._last.latch_closed)
         return self._last
 

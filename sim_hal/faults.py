@@ -1,10 +1,18 @@
-"""Planted faults: a device that fails, sticks or goes silent from a time on.
+"""Planted faults: a device that is broken from one time to another.
 
 | kind | a sensor | an actuator |
 | --- | --- | --- |
 | `fail` | reads raise `ReadFailed` | commands raise `DeviceError` |
 | `stick` | keeps delivering its last value | stays as it was last commanded |
 | `silent` | delivers no new sample | loses its power |
+| `offset` | reads `size` too much (units of its channel) | |
+| `scale` | reads `size` times the truth | |
+| `noise` | carries more noise: `size` (1 sigma) | |
+| `flicker` | each read fails with probability `size` | |
+| `short` | | magnet: `size` times its current shows |
+
+and of what is neither: `supply` `sag` by `size` volts; `clock` `jump` forward by `size` seconds at once;
+`clock` `late`: each wait lasts `size` seconds too long. `crash`: a driver raises what no driver should.
 
 A motor without power is one at 0 V: its driver shorts the terminals, so it brakes.
 """
@@ -17,7 +25,20 @@ from dataclasses import dataclass
 from hal.errors import ConfigError
 from sim_hal.settings import FaultSettings
 
-KINDS = ("fail", "stick", "silent")
+KINDS = (
+    "fail",
+    "stick",
+    "silent",
+    "offset",
+    "scale",
+    "noise",
+    "flicker",
+    "short",
+    "sag",
+    "jump",
+    "late",
+    "crash",
+)
 DEVICES = (
     "motor",
     "magnet",
@@ -27,6 +48,8 @@ DEVICES = (
     "accelerometer",
     "magnet_current",
     "switches",
+    "supply",
+    "clock",
 )
 
 
@@ -38,6 +61,7 @@ class Fault:
     kind: str
     from_s: float
     until_s: float = math.inf
+    size: float = 0.0
 
 
 class Faults:
@@ -45,23 +69,32 @@ class Faults:
 
     def __init__(self) -> None:
         self._faults: list[Fault] = []
+        self.effective: set[Fault] = set()
+        """Those that have changed what the flight software reads, or what an actuator does."""
 
-    def plant(self, device: str, kind: str, from_s: float, until_s: float | None = None) -> None:
+    def plant(
+        self, device: str, kind: str, from_s: float, until_s: float | None = None, size: float = 0.0
+    ) -> None:
         """Add a fault. Raises `ConfigError` for a device or kind that does not exist."""
         if device not in DEVICES:
             raise ConfigError(f"faults: device = {device!r} is unknown; known here: {', '.join(DEVICES)}")
         if kind not in KINDS:
             raise ConfigError(f"faults: kind = {kind!r} is unknown; known here: {', '.join(KINDS)}")
-        self._faults.append(Fault(device, kind, from_s, math.inf if until_s is None else until_s))
+        self._faults.append(Fault(device, kind, from_s, math.inf if until_s is None else until_s, size))
 
     def plant_all(self, faults: tuple[FaultSettings, ...]) -> None:
         """Add the faults of a settings file."""
         for fault in faults:
-            self.plant(fault.device, fault.kind, fault.from_s, fault.until_s)
+            self.plant(fault.device, fault.kind, fault.from_s, fault.until_s, fault.size)
 
     def active(self, device: str, now_s: float) -> str | None:
         """Kind of the fault that `device` has at `now_s` (the first planted wins), or None."""
+        fault = self.of(device, now_s)
+        return fault.kind if fault else None
+
+    def of(self, device: str, now_s: float) -> Fault | None:
+        """The fault that `device` has at `now_s` (the first planted wins), or None."""
         for fault in self._faults:
             if fault.device == device and fault.from_s <= now_s < fault.until_s:
-                return fault.kind
+                return fault
         return None

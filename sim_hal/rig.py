@@ -5,9 +5,11 @@ Devices talk to the rig only; nothing but `advance` moves time.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from sim_hal.faults import Faults
+from sim_hal.faults import Fault, Faults
 from sim_hal.sensors import SampledSensor
 from sim_hal.settings import SimSettings
 from sim_hal.world import World
@@ -35,9 +37,14 @@ class Rig:
         self.faults.plant_all(settings.faults)
         self.watchdog_timeout_s = settings.watchdog.timeout_s
         self.watchdog_expired = False
+        self.nominal_supply_v = settings.motor.supply_v
+        self._asked_v = 0.0
         self._last_stroke_s = 0.0
+        self.witnesses: list[Callable[[float], None]] = []
+        """Called with the time [s] after each piece of it."""
         # the order of CHANNELS fixes which substream is whose
-        seeds = np.random.SeedSequence(settings.seed).spawn(len(CHANNELS))
+        seeds = np.random.SeedSequence(settings.seed).spawn(len(CHANNELS) + 1)
+        self._flicker = np.random.Generator(np.random.PCG64(seeds.pop()))
         self.sensors = {
             name: SampledSensor(name, getattr(settings.sensors, name), seed)
             for name, seed in zip(CHANNELS, seeds, strict=True)
@@ -54,6 +61,7 @@ class Rig:
             self._step(end_s)
             if self.now_s >= deadline_s and not self.watchdog_expired:
                 self.watchdog_expired = True
+                self._asked_v = 0.0
                 self.world.set_voltage_v(0.0)
                 self.world.set_magnet(False)
 
@@ -63,7 +71,39 @@ class Rig:
         truth = self.world.advance(end_s, {CHANNELS[name]: times for name, times in wanted.items()})
         self.now_s = end_s
         for name, times in wanted.items():
-            self.sensors[name].record(times, truth[CHANNELS[name]], self.faults.active(name, end_s))
+            fault = self._fault_of(name, end_s)
+            if self.sensors[name].record(times, truth[CHANNELS[name]], fault) and fault:
+                self.faults.effective.add(fault)
+        for witness in self.witnesses:
+            witness(end_s)
+
+    def _fault_of(self, sensor: str, now_s: float) -> Fault | None:
+        """A sensor's fault; a shorted magnet shows in the sensor of its current."""
+        magnet = self.faults.of("magnet", now_s) if sensor == "magnet_current" else None
+        if magnet is not None and magnet.kind == "short":
+            return magnet
+        return self.faults.of(sensor, now_s)
+
+    def answers(self, device: str) -> bool:
+        """Whether the device answers now: not when it fails, nor each time that its bus flickers."""
+        fault = self.faults.of(device, self.now_s)
+        if fault is None or fault.kind not in ("fail", "flicker", "crash"):
+            return True
+        if fault.kind == "flicker" and float(self._flicker.random()) >= fault.size:
+            return True
+        self.faults.effective.add(fault)
+        if fault.kind == "crash":
+            raise ZeroDivisionError(f"{device}: a bug in its driver")
+        return False
+
+    @property
+    def supply_v(self) -> float:
+        """Supply voltage [V]."""
+        fault = self.faults.of("supply", self.now_s)
+        if fault is None or fault.kind != "sag":
+            return self.nominal_supply_v
+        self.faults.effective.add(fault)
+        return self.nominal_supply_v - fault.size
 
     def stroke(self) -> None:
         """Restart the watchdog's time. Once it has cut the power, it stays cut."""
@@ -71,19 +111,43 @@ class Rig:
 
     def command_voltage_v(self, voltage_v: float) -> None:
         """Apply a motor voltage [V], if the motor has power and obeys."""
+        self._note_disobedience("motor", voltage_v != self.world.voltage_v)
         if self._obeys("motor"):
-            self.world.set_voltage_v(voltage_v)
+            self._asked_v = voltage_v
+            self._supply_motor()
+
+    def _supply_motor(self) -> None:
+        """The voltage asked for, as far as the supply has it."""
+        most_v = max(0.0, self.supply_v)
+        self.world.set_voltage_v(max(-most_v, min(most_v, self._asked_v)))
 
     def command_magnet(self, on: bool) -> None:
         """Energise the magnet or not, if it has power and obeys."""
+        self._note_disobedience("magnet", on != self.world.magnet_on)
         if self._obeys("magnet"):
             self.world.set_magnet(on)
 
+    def _note_disobedience(self, actuator: str, differs: bool) -> None:
+        """A broken actuator that does not do what it is told, or has lost its power, makes a difference."""
+        fault = self.faults.of(actuator, self.now_s)
+        if fault is not None and fault.kind != "short" and differs:
+            self.faults.effective.add(fault)
+
+    def note_effect(self, device: str) -> None:
+        """The device's fault has made a difference."""
+        fault = self.faults.of(device, self.now_s)
+        if fault is not None:
+            self.faults.effective.add(fault)
+
     def _obeys(self, actuator: str) -> bool:
-        return not self.watchdog_expired and self.faults.active(actuator, self.now_s) is None
+        fault = self.faults.of(actuator, self.now_s)
+        return not self.watchdog_expired and (fault is None or fault.kind == "short")
 
     def _drop_power_of_silent_actuators(self) -> None:
         if self.faults.active("motor", self.now_s) == "silent":
+            self._asked_v = 0.0
             self.world.set_voltage_v(0.0)
+        if self.faults.active("supply", self.now_s) == "sag":
+            self._supply_motor()
         if self.faults.active("magnet", self.now_s) == "silent":
             self.world.set_magnet(False)

@@ -13,9 +13,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hal.errors import CommandRefused, ReadFailed
+from sim_hal.faults import Fault
 from sim_hal.settings import Mode, SensorSettings
+
+Floats = NDArray[np.float64]
 
 GRID_TOLERANCE_S = 1e-9
 """A sample instant this little after `now` counts as reached: sums of tick periods round either way."""
@@ -28,6 +32,19 @@ class Sample:
     time_s: float
     value: float
     saturated: bool
+
+
+def _broken(values: Floats, noise: Floats, fault: Fault, latest: Sample | None) -> Floats:
+    """What a broken sensor makes of its samples (n,); `noise` (n,) is white with a sigma of 1."""
+    if fault.kind == "offset":
+        return values + fault.size
+    if fault.kind in ("scale", "short"):
+        return values * fault.size
+    if fault.kind == "noise":
+        return values + fault.size * noise
+    if fault.kind == "stick" and latest is not None:
+        return np.full_like(values, latest.value)
+    return values
 
 
 class SampledSensor:
@@ -76,22 +93,31 @@ class SampledSensor:
             self._count += 1
         return instants
 
-    def record(self, instants: Sequence[float], truth: Sequence[float], fault: str | None = None) -> None:
-        """Sample true values (same length as `instants`); `fault` says how the sensor is broken, if it is."""
+    def record(self, instants: Sequence[float], truth: Sequence[float], fault: Fault | None = None) -> bool:
+        """Sample true values (same length as `instants`); `fault` says how the sensor is broken, if it is.
+
+        Returns whether the fault has made a difference.
+        """
         if not instants:
-            return
+            return False
         mode = self._mode
         # the noise is drawn even by a broken sensor, so that a fault leaves all later samples as they were
-        values = np.asarray(truth) + mode.noise_std * self._random.standard_normal(len(instants))
-        if fault in ("silent", "fail"):
-            return
+        noise = self._random.standard_normal(len(instants))
+        values = np.asarray(truth) + mode.noise_std * noise
+        if fault is not None and fault.kind in ("silent", "fail"):
+            return True
+        healthy = self._digital(values)
+        shown = self._digital(_broken(values, noise, fault, self._latest)) if fault else healthy
+        for time_s, value in zip(instants, shown.tolist(), strict=True):
+            self._append(Sample(time_s, value, not mode.low < value < mode.high))
+        return bool(np.any(shown != healthy))
+
+    def _digital(self, values: Floats) -> Floats:
+        """Rounded to the step, then limited to the range."""
         if self.step > 0.0:
             values = np.round(values / self.step) * self.step
-        values = np.clip(values, mode.low, mode.high)
-        if fault == "stick" and self._latest is not None:
-            values[:] = self._latest.value
-        for time_s, value in zip(instants, values.tolist(), strict=True):
-            self._append(Sample(time_s, value, not mode.low < value < mode.high))
+        clipped: Floats = np.clip(values, self._mode.low, self._mode.high)
+        return clipped
 
     def _append(self, sample: Sample) -> None:
         self._overrun = self._overrun or len(self._fifo) == self._fifo.maxlen

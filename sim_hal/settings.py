@@ -88,9 +88,10 @@ class RestSettings:
 
 @dataclass(frozen=True)
 class MotorSettings:
-    """The motor's driver stage."""
+    """The motor's driver stage, and the supply that feeds it."""
 
     max_voltage_v: Annotated[float, Limits(0.1, 100.0)]
+    supply_v: Annotated[float, Limits(0.1, 100.0)]
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,7 @@ class FaultSettings:
     kind: str
     from_s: Annotated[float, NotNegative]
     until_s: Annotated[float | None, NotNegative] = None
+    size: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hal.errors import CommandRefused, ReadFailed
+from sim_hal.faults import Fault
 from sim_hal.sensors import SampledSensor
 from sim_hal.settings import Mode, SensorSettings
 
@@ -20,7 +21,7 @@ def sensor(
 
 
 def run(
-    probe: SampledSensor, ends_s: list[float], truth: float = 0.0, fault: str | None = None
+    probe: SampledSensor, ends_s: list[float], truth: float = 0.0, fault: Fault | None = None
 ) -> list[float]:
     """Let time pass in the given pieces with a constant truth; return all values delivered."""
     for end_s in ends_s:
@@ -104,7 +105,7 @@ def test_a_full_fifo_loses_the_oldest_and_says_so() -> None:
 def test_stuck_sensor_repeats_its_last_value_with_new_times() -> None:
     probe = sensor()
     probe.record([0.0], [1.0])
-    probe.record([0.005, 0.010], [2.0, 3.0], "stick")
+    probe.record([0.005, 0.010], [2.0, 3.0], Fault("spring", "stick", 0.0))
     assert [(sample.time_s, sample.value) for sample in probe.drain()[0]] == [
         (0.0, 1.0),
         (0.005, 1.0),
@@ -115,14 +116,14 @@ def test_stuck_sensor_repeats_its_last_value_with_new_times() -> None:
 def test_silent_sensor_keeps_its_old_time() -> None:
     probe = sensor()
     probe.record([0.0], [1.0])
-    probe.record([0.005], [2.0], "silent")
+    probe.record([0.005], [2.0], Fault("spring", "silent", 0.0))
     assert probe.latest().time_s == 0.0
 
 
 def test_a_passing_fault_leaves_later_noise_as_it_was() -> None:
     healthy, broken = sensor(std=1.0), sensor(std=1.0)
     expected = run(healthy, [0.1, 0.2])
-    run(broken, [0.1], fault="fail")
+    run(broken, [0.1], fault=Fault("spring", "fail", 0.0))
     assert run(broken, [0.2]) == expected[21:]
 
 
