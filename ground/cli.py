@@ -14,6 +14,7 @@ import typer
 from flight import settings as flight_settings
 from flight.executive import Progress
 from ground import console
+from ground.campaign_cli import campaign_app
 from ground.diagnose.pipeline import Outcome, diagnose, write_outcome
 from ground.diagnose.segments import channel_sigmas, segment_of, sigma_vector
 from ground.diagnose.verify import predict
@@ -40,6 +41,7 @@ from sim_hal.plant.simulate import Plant, compile_plant, load_plant
 app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 plant_app = typer.Typer(no_args_is_help=True, help="Plant files.")
 app.add_typer(plant_app, name="plant")
+app.add_typer(campaign_app, name="campaign")
 
 Json = Annotated[bool, typer.Option("--json", help="Print the answer as JSON, for machines.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]

@@ -37,6 +37,7 @@ class Rig:
         self.faults.plant_all(settings.faults)
         self.watchdog_timeout_s = settings.watchdog.timeout_s
         self.watchdog_expired = False
+        self.stop_high_m = settings.rig.stop_high_m
         self.nominal_supply_v = settings.motor.supply_v
         self._asked_v = 0.0
         self._last_stroke_s = 0.0

@@ -47,6 +47,16 @@ class World:
         self._standing_m_s2 = standing_reading_m_s2(hop, self.conditions)
 
     @property
+    def hopping(self) -> bool:
+        """Whether a hop has begun whose truth is not in `hops` yet."""
+        return self._hop is not None
+
+    @property
+    def hop_plant(self) -> Plant:
+        """The plant of the hop, with the true parameters."""
+        return self._hop_plant
+
+    @property
     def spot(self) -> Spot:
         """The ground under the present or the next hop."""
         spots = self._settings.spots

@@ -1,0 +1,1 @@
+"""Random faults through whole simulated missions, and what became of them."""

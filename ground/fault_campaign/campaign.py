@@ -1,0 +1,117 @@
+"""Runs a campaign on all cores. Each case is kept in a file as it ends, so that an interrupted campaign goes on."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import dataclass
+from itertools import count, islice
+from pathlib import Path
+from typing import Any
+
+from ground.fault_campaign.drawing import CampaignSettings, draw_case
+from ground.fault_campaign.flying import fly_case
+from ground.fault_campaign.hazards import HAZARDS
+from hal.errors import ConfigError
+
+CASES_NAME = "cases.jsonl"
+
+
+@dataclass(frozen=True)
+class CampaignResult:
+    """All cases as rows (see `flying.CaseResult`)."""
+
+    rows: tuple[dict[str, Any], ...]
+
+    @property
+    def faults(self) -> int:
+        return sum(len(row["case"]["faults"]) for row in self.rows)
+
+    @property
+    def without_effect(self) -> int:
+        return sum(row["without_effect"] for row in self.rows)
+
+    @property
+    def hazards(self) -> Counter[str]:
+        """Cases in which each kind of hazard happened."""
+        return Counter({name: sum(name in row["hazards"] for row in self.rows) for name in HAZARDS})
+
+    @property
+    def ends(self) -> Counter[str]:
+        """How the missions ended."""
+        return Counter(row["end_reason"] for row in self.rows)
+
+
+def run_campaign(
+    settings: CampaignSettings,
+    wanted: int,
+    seed: int,
+    folder: Path,
+    processes: int,
+    show: Callable[[str, float], None],
+) -> CampaignResult:
+    """Fly cases until `wanted` faults have been planted; `show` is told a text and how many there are by now.
+
+    Cases already in `folder` count. Raises `ConfigError` when those are of another seed.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / CASES_NAME
+    rows = _kept(path, seed)
+    planted = sum(len(row["case"]["faults"]) for row in rows)
+    done = {row["case"]["index"] for row in rows}
+    with path.open("a", encoding="utf-8") as file:
+        for row in _flown(settings, seed, done, processes) if planted < wanted else ():
+            rows.append(row)
+            file.write(json.dumps({"seed": seed, **row}) + "\n")
+            file.flush()
+            planted += len(row["case"]["faults"])
+            hazards = sum(bool(each["hazards"]) for each in rows)
+            show(
+                f"{planted} of {wanted} faults in {len(rows)} missions, {hazards} with hazards",
+                float(planted),
+            )
+            if planted >= wanted:
+                break
+    return CampaignResult(tuple(rows))
+
+
+def _kept(path: Path, seed: int) -> list[dict[str, Any]]:
+    if not path.exists():
+        return []
+    rows = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        try:
+            row = json.loads(line)
+        except ValueError:
+            path.write_text(
+                "".join(json.dumps({"seed": seed, **kept}) + "\n" for kept in rows), encoding="utf-8"
+            )
+            break  # the last line of a campaign that was cut
+        if row.pop("seed") != seed:
+            raise ConfigError(f"{path}:{number}: is of another seed than {seed}; choose another folder")
+        rows.append(row)
+    return rows
+
+
+def _flown(settings: CampaignSettings, seed: int, done: set[int], processes: int) -> Iterator[dict[str, Any]]:
+    jobs = ((settings, seed, index) for index in count(0) if index not in done)
+    if processes == 1:
+        yield from map(_fly, jobs)
+        return
+    with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn")) as pool:
+        waiting = {pool.submit(_fly, job) for job in islice(jobs, 4 * processes)}
+        try:
+            while True:
+                ended, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                waiting |= {pool.submit(_fly, job) for job in islice(jobs, len(ended))}
+                yield from (future.result() for future in ended)
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _fly(job: tuple[CampaignSettings, int, int]) -> dict[str, Any]:
+    settings, seed, index = job
+    return fly_case(settings, draw_case(settings, index, seed), seed).as_row()

@@ -1,0 +1,140 @@
+"""The campaign's judge, its drawing, and that it goes on where it was stopped. Planted hazards must be seen."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ground.fault_campaign import campaign
+from ground.fault_campaign.drawing import draw_case, load_campaign
+from ground.fault_campaign.flying import fly_case
+from ground.fault_campaign.hazards import Release, Witness, judge_releases, judge_reports
+from hal.board import open_board
+from hal.config import config_path, read_yaml
+from hal.errors import ConfigError
+from sim_hal.board import SimBoard
+
+SETTINGS = load_campaign()
+FOLDER = Path(__file__).resolve().parents[2] / "ground" / "fault_campaign"
+
+
+def witness(**initial: Any) -> Witness:
+    found = read_yaml(config_path("boards", "sim.yaml"))
+    found["initial"] = {"nut_position_m": 0.0, "latch_closed": False, **initial}
+    board = open_board("sim", found)
+    assert isinstance(board, SimBoard)
+    seen = Witness(board, SETTINGS.limits, 30600.0, 47.9, board.rig.stop_high_m)
+    board.rig.witnesses.append(seen)
+    return seen
+
+
+def test_the_judge_shares_no_code_with_the_flight_software() -> None:
+    assert "flight" not in (FOLDER / "hazards.py").read_text(encoding="utf-8").replace("flight software", "")
+
+
+def test_a_release_that_nobody_commanded_is_seen() -> None:
+    seen = witness(nut_position_m=0.01, latch_closed=True)
+    seen.board.magnet.switch_on()
+    while seen.board.world.latch_closed:
+        seen.board.rig.advance(seen.board.world.now_s + 0.005)
+    (release,) = seen.releases
+    judge_releases(seen, (), [release.energy_j])
+    assert seen.hazards == {"release_without_fire"}
+
+
+def test_releases_are_held_to_commands_and_energy() -> None:
+    seen = witness()
+    commands = [(9.0, "arm"), (9.9, "fire")]
+    seen.releases = [Release(10.0, 5.0)]
+    judge_releases(seen, commands, [5.1])
+    assert not seen.hazards
+    for bad in ([(9.8, "arm"), (9.9, "fire")], [(9.9, "fire")], [(9.0, "arm"), (8.0, "fire")]):
+        seen.hazards.clear()
+        judge_releases(seen, bad, [5.1])
+        assert seen.hazards == {"release_without_fire"}
+    seen.hazards.clear()
+    judge_releases(seen, commands, [6.0])
+    assert seen.hazards == {"wrong_energy_fired"}
+
+
+def test_force_travel_and_power_are_seen() -> None:
+    seen = witness(nut_position_m=0.0597, latch_closed=True)
+    seen.board.motor.set_voltage_v(12.0)
+    seen.board.rig.advance(0.05)
+    assert {"force_above_limit", "travel_past_stop"} <= seen.hazards
+    seen.after_the_end()
+    assert "power_left_on" in seen.hazards
+
+
+def test_a_wrong_c3_is_seen_only_when_it_was_called_valid() -> None:
+    seen = witness(nut_position_m=0.01, latch_closed=True)
+    seen.board.magnet.switch_on()
+    while not seen.board.world.hops:
+        seen.board.rig.stroke()
+        seen.board.rig.advance(seen.board.world.now_s + 0.005)
+    (truth,) = seen.board.world.hops
+    report = {"fire_s": truth.fire_s, "verdict": "valid", "c3": {"value": truth.c3, "sigma": 0.01}}
+    wrong = {**report, "c3": {"value": truth.c3 + 0.2, "sigma": 0.01}}
+    judge_reports(seen, [report, {**wrong, "verdict": "rejected"}, {**report, "c3": None}])
+    assert not seen.hazards
+    judge_reports(seen, [wrong])
+    assert seen.hazards == {"wrong_c3_reported_valid"}
+
+
+def test_cases_are_drawn_alike_each_time_and_differ() -> None:
+    cases = [draw_case(SETTINGS, index, 1) for index in range(50)]
+    assert cases == [draw_case(SETTINGS, index, 1) for index in range(50)]
+    assert len({case.faults for case in cases}) == 50
+    assert {len(case.faults) for case in cases} == {1, 2, 3}
+    assert draw_case(SETTINGS, 0, 2) != cases[0]
+
+
+def test_a_mission_without_faults_is_flown_without_hazards_and_a_fault_without_effect_is_told() -> None:
+    case = replace(draw_case(SETTINGS, 0, 1), faults=(), energy_j=0.8, loaded=False, nut_m=0.0)
+    result = fly_case(SETTINGS, case, 1)
+    assert result.end_reason == "stowed"
+    assert result.releases == 1
+    assert not result.hazards
+    assert result.without_effect == 0
+
+
+def test_a_campaign_goes_on_where_it_was_stopped_and_counts_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown: list[int] = []
+
+    def fly(job: tuple[Any, int, int]) -> dict[str, Any]:
+        flown.append(job[2])
+        faults = [{"device": "spring"}] * 2
+        hazards = ["log_lost"] if job[2] == 3 else []
+        case = {"index": job[2], "faults": faults}
+        return {"case": case, "hazards": hazards, "without_effect": 0, "end_reason": "stowed"}
+
+    monkeypatch.setattr(campaign, "_fly", fly)
+    shown: list[float] = []
+    first = campaign.run_campaign(SETTINGS, 4, 1, tmp_path, 1, lambda text, done: shown.append(done))
+    assert first.faults == 4
+    path = tmp_path / campaign.CASES_NAME
+    path.write_text(path.read_text(encoding="utf-8") + '{"seed": 1, "cut', encoding="utf-8")
+    result = campaign.run_campaign(SETTINGS, 10, 1, tmp_path, 1, lambda text, done: shown.append(done))
+    assert flown == [0, 1, 2, 3, 4]
+    assert result.faults == 10
+    assert result.hazards["log_lost"] == 1
+    assert len(path.read_text(encoding="utf-8").splitlines()) == 5
+    assert shown == [2.0, 4.0, 6.0, 8.0, 10.0]
+    with pytest.raises(ConfigError, match="of another seed"):
+        campaign.run_campaign(SETTINGS, 10, 2, tmp_path, 1, lambda text, done: None)
+
+
+def test_the_figures_are_those_of_the_rows() -> None:
+    from ground.campaign_cli import figures
+
+    rows = [{"case": {"faults": [1, 2]}, "hazards": ["log_lost"], "without_effect": 1, "end_reason": "x"}]
+    found = figures(campaign.CampaignResult(tuple(rows)))
+    values = {name: entry["value"] for name, entry in found.items()}
+    assert (values["faults"], values["hazards"], values["without_effect"]) == (2, 1, 1)
+    json.dumps(found)
