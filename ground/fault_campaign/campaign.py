@@ -81,7 +81,7 @@ def run_campaign(
 def _kept(path: Path, seed: int) -> list[dict[str, Any]]:
     if not path.exists():
         return []
-    rows = []
+    rows: list[dict[str, Any]] = []
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
         try:
             row = json.loads(line)
