@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import secrets
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -15,9 +16,13 @@ from flight.background_log import BackgroundLog
 from flight.executive import fly
 from flight.log import McapLog
 from flight.mission import MissionResult, load_mission
-from hal.board import board_names, open_board
-from hal.config import config_path, read_yaml
-from hal.errors import BoardUnavailable, HalError
+from hal.board import Board, board_names, open_board
+from hal.config import config_path, load_settings, read_yaml
+from hal.errors import BoardUnavailable, ConfigError, HalError
+from hal.link.keys import load_key
+from hal.link.messages import SESSION_BYTES
+from hal.link.robot import LinkSettings, RobotLink
+from hal.link.streams import SerialLine
 from hal.memory import FileMemory
 from hal.tap import tap_board
 
@@ -48,6 +53,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--memory", type=Path, help="file that keeps the state of the spring over a power cut"
     )
+    parser.add_argument("--link", metavar="PORT", help="serial port of the ground link; needs --link-key")
+    parser.add_argument("--link-key", type=Path, help="file with the key that signs commands")
     parser.add_argument(
         "--stay-s", type=float, default=0.0, help="how long to wait in SAFE for the ground's reset"
     )
@@ -56,6 +63,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _fly(options: argparse.Namespace) -> MissionResult:
+    if bool(options.link) != bool(options.link_key):
+        raise ConfigError("--link and --link-key go together: no command is taken without a key")
     if options.board not in board_names():
         raise BoardUnavailable(
             f"no board is called {options.board!r}; known here: {', '.join(board_names())}"
@@ -74,12 +83,23 @@ def _fly(options: argparse.Namespace) -> MissionResult:
         open_board(options.board, read_yaml(where)) as opened,
         BackgroundLog(McapLog(options.log, metadata, settings.log), settings.log.waiting_messages) as log,
     ):
-        board = replace(opened, memory=FileMemory(options.memory)) if options.memory else opened
-        result = fly(tap_board(board, log), settings, mission, log, stay_s=options.stay_s)
+        result = fly(tap_board(_fitted(opened, options), log), settings, mission, log, stay_s=options.stay_s)
 
     if log.problem:
         print(f"flight: the log is not whole: {log.problem}", file=sys.stderr)
     return result
+
+
+def _fitted(board: Board, options: argparse.Namespace) -> Board:
+    """The board with the memory and the link that were asked for."""
+    if options.memory:
+        board = replace(board, memory=FileMemory(options.memory))
+    if options.link:
+        bounds = load_settings(config_path("link.yaml"), LinkSettings)
+        line, session = SerialLine(options.link, bounds.baud), secrets.token_bytes(SESSION_BYTES)
+        key = load_key(options.link_key)
+        board = replace(board, ground_link=RobotLink(line, key, session, board.clock, bounds))
+    return board
 
 
 def _line(report: dict[str, object]) -> str:

@@ -20,6 +20,7 @@ from ground.diagnose.segments import channel_sigmas, segment_of, sigma_vector
 from ground.diagnose.verify import predict
 from ground.dictionary_page import dictionary_page
 from ground.importing import import_recording
+from ground.link_cli import link_app
 from ground.mission_run import plan_mission, run_mission
 from ground.mission_summary import (
     HOP_LINE_HEADERS,
@@ -42,6 +43,7 @@ app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pret
 plant_app = typer.Typer(no_args_is_help=True, help="Plant files.")
 app.add_typer(plant_app, name="plant")
 app.add_typer(campaign_app, name="campaign")
+app.registered_commands += link_app.registered_commands
 
 Json = Annotated[bool, typer.Option("--json", help="Print the answer as JSON, for machines.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
