@@ -96,6 +96,7 @@ class _Executive:
     _hop_rate: bool | None = None
     _magnet_on: bool | None = False  # None: it did not take its newest command
     _now_s: float = 0.0
+    _told_s: float | None = None
 
     def __post_init__(self) -> None:
         self._senses = Senses(self.board, self.recorder)
@@ -245,18 +246,19 @@ class _Executive:
         after = self.machine
         if after.phase is not before.phase:
             self._state(before.phase, after.phase, after.reason)
-        self.log.write(
-            "outputs",
-            self._now_s,
-            {
-                "phase": str(after.phase),
-                "voltage_v": outputs.voltage_v,
-                "magnet_on": outputs.magnet_on,
-                "compression_m": after.compression_m,
-                "speed_m_s": after.speed_m_s,
-                "loaded": after.loaded,
-            },
-        )
+        done = {
+            "phase": str(after.phase),
+            "voltage_v": outputs.voltage_v,
+            "magnet_on": outputs.magnet_on,
+            "compression_m": after.compression_m,
+            "speed_m_s": after.speed_m_s,
+            "loaded": after.loaded,
+            "beyond": len(after.beyond_ticks),
+        }
+        self.log.write("outputs", self._now_s, done)
+        if self._told_s is None or self._now_s - self._told_s >= self.settings.tick.telemetry_period_s:
+            self._told_s = self._now_s
+            self.board.ground_link.send("outputs", json.dumps(done))
 
     def _event(self, event: Event) -> None:
         payload: dict[str, Any] = {"name": event.name, "severity": event.severity, **event.details}

@@ -24,6 +24,7 @@ class TickSettings:
 
     rate_hz: Annotated[float, Limits(10.0, 2000.0)]
     overrun_share: Share
+    telemetry_period_s: Positive
 
     @property
     def period_s(self) -> float:
