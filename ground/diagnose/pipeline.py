@@ -30,6 +30,7 @@ from ground.diagnose.segments import (
     split_last_part,
 )
 from ground.diagnose.verify import Verified, verify, windowed_rms
+from ground.diagnose.withdraw import withdrawals
 from ground.diagnose.workers import FINAL_TOLERANCE, Workers
 from ground.recordings.model import Recording
 from sim_hal.plant.simulate import Plant, compile_plant
@@ -144,6 +145,7 @@ def diagnose(
     with Workers(data.windows, data.sigmas, scales, processes) as workers:
         progress("locating what is missing")
         forces = locate(refit, data.windows, data.whole[0], data.sigmas, scales, workers)
+        needless = withdrawals(refit, plant, workers) if plant.effects else ()
         named = Search(workers, progress, plant).run(refit)
         if named.chosen and forces:
             typical = scales[forces[0].equation]["F"]
@@ -157,6 +159,7 @@ def diagnose(
     plants = {"nominal": plant, "refit": refitted, "extended": extended}
     verified = verify(plants, data.held_out_whole, data.sigmas, data.noise)
     result = conclude(data, plant, refit, named, verified, forces, plants)
+    result = replace(result, notes=(*(w.words for w in needless), *result.notes))
     if reference is not None:
         compared = compare_with(reference, extended, data.held_out_whole, data.held_out_windows, data.sigmas)
         result = replace(result, details={**result.details, "reference": compared})
