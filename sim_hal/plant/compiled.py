@@ -132,7 +132,6 @@ class CompiledPlant:
         by_name = dict(zip(self.parameter_names, values, strict=True))
         absent = {name for name, own in self.model.strengths.items() if not any(by_name[key] for key in own)}
         state = np.array(list(start.values()), dtype=float)
-        self._settle(registers, state, run.times_s[0], initial or {})
         span = run.times_s[-1] - run.times_s[0]
         modes = [self._mode(element.strengths, by_name) for element in self.model.elements]
         modes += [engine.IDLE if name in absent else 0 for name in self.model.memories]
@@ -141,6 +140,7 @@ class CompiledPlant:
             modes.append(engine.IDLE if own and not any(by_name[key] for key in own) else 0)
         for offset, place in enumerate(self.assembled.memory_initial):
             registers[program.layout.memory + offset] = registers[place]
+        self._settle(registers, state, run.times_s[0], initial or {})
         return Machine(
             clock=np.array([run.times_s[0], 1e-5 * span if span > 0 else 1e-6, 0.0, 1e-4]),
             registers=registers,
@@ -194,13 +194,27 @@ class CompiledPlant:
         if status != engine.OK:
             state = ", ".join(f"{n} = {v:.4g}" for n, v in zip(self.state_names, machine.state, strict=True))
             reason = f"{_REASONS[status]} at t = {machine.clock[0]:.6f} s"
-            raise SimulationError(f"{self.plant.name}: {reason} ({state})")
+            raise SimulationError(f"{self.plant.name}: {reason} ({state}){self._acting(machine)}")
+
+    def _acting(self, machine: Machine) -> str:
+        """In words, which effects the run had, with the values that it was made with."""
+        first = self.assembled.program.layout.parameter
+        place = {name: first + offset for offset, name in enumerate(self.assembled.parameters)}
+        found = []
+        for use in self.plant.effects:
+            prefix = self.plant.prefix(use)
+            values = {name: machine.registers[place[f"{prefix}.{name}"]] for name in use.parameters}
+            found.append(f"{prefix} ({', '.join(f'{name} = {v:.4g}' for name, v in values.items())})")
+        return f"; effects: {', '.join(found)}" if found else ""
 
     def _registers(self, values: Floats, run: Run) -> Floats:
         """The register file with all parameters, and what depends on them alone, filled in."""
         if len(values) != len(self.parameter_names):
             raise SimulationError(f"{len(values)} parameter values, {len(self.parameter_names)} expected")
         by_name = dict(zip(self.parameter_names, values, strict=True))
+        if not np.isfinite(values).all():
+            wrong = next(name for name, value in by_name.items() if not np.isfinite(value))
+            raise SimulationError(f"{self.plant.name}: {wrong} = {by_name[wrong]} is not a finite number")
         by_name |= self._surface(by_name, run)
         program: Program = self.assembled.program
         registers = program.registers.copy()

@@ -35,9 +35,11 @@ SOIL_HARDENING = Effect(
             ),
             factors={
                 "contact_stiffness": "(max(y_max, 1e-6 * y_r) / y_r) ** n",
+                # The share 1 - chi of the work of loading comes back, which is less than the line's own triangle.
+                "unloading_share": "min(2 / (2 + n), 1 / (1 - chi))",
                 "rest_sinkage": "((m_b + m_l) * g / (k_l * y_r)) ** (-n / (1 + n))",
             },
-            needs=("contact_stiffness", "y_max", "rest_sinkage"),
+            needs=("contact_stiffness", "unloading_share", "y_max", "rest_sinkage"),
         ),
     ),
 )

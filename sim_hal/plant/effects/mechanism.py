@@ -37,7 +37,8 @@ LEG_END_STOP = Effect(
                 EffectParameter("delta_e", "m", "-0.002", "-0.04", "0.03"),
             ),
             # Positive forces compress the springs; the stop pushes while they are more relaxed than delta_e.
-            force="where(delta < delta_e, max(0, k_e * (delta_e - delta) - c_e * v), 0)",
+            local={"pressed": "max(0, delta_e - delta)"},
+            force="max(0, k_e * pressed - where(pressed > 0, c_e * v, 0))",
             needs=("opened", "delta"),
         ),
     ),
