@@ -255,11 +255,26 @@ def test_statements_and_taxonomy_agree() -> None:
     if not path.is_file():
         pytest.skip("the taxonomy is not at hand")
     taxonomy = yaml.safe_load(path.read_text())["physics"]
+    no_effects = {"parameter_out_of_tolerance", "unlisted"}  # verdicts of a diagnosis
+    assert set(taxonomy) == set(catalogue()) | no_effects
     for physics_id, effect in catalogue().items():
         entry = dict(taxonomy[physics_id])
         assert effect.equation == entry.pop("where")
         # A comma in an unquoted sentence splits it: the rest stands as keys without a value.
         assert effect.says == ", ".join([entry.pop("says"), *entry])
+
+
+def test_every_effect_enters_its_own_equation_on_a_rig_that_has_it() -> None:
+    """On the drive or the hop, an axis or a drop: where the taxonomy puts it, with all its scales at hand."""
+    bodies = "{format: 1, plant: p, kind: %s, parameters: {m: {value: 1, std: 0, unit: kg}%s}}"
+    rigs = [shipped("bb0b_drive"), shipped("bb0b_hop"), plant_of(bodies % ("axis", ""))]
+    rigs.append(plant_of(bodies % ("drop", ", g: {value: 9.81, std: 0, unit: m/s^2}")))
+    for physics_id, effect in catalogue().items():
+        places = {equation for plant in rigs[:2] for equation, _ in plant.places(effect)}
+        assert effect.equation in places, physics_id
+        where = {equation for plant in rigs for equation, _ in plant.places(effect)}
+        assert where <= {effect.equation, *(name for plant in rigs for name in plant.structure.balances)}
+    assert len(catalogue()) == 49
 
 
 def test_sentences_take_the_values() -> None:
@@ -290,7 +305,7 @@ def test_a_package_adds_an_effect_by_an_entry_point(monkeypatch: pytest.MonkeyPa
         assert np.allclose(coasting("unlisted", {"a": 1.0}), 1.0 / np.sqrt(1.0 + TIMES), atol=1e-8)
         monkeypatch.setattr(EntryPoint, "load", lambda self: (own, "no effect"))
         catalogue.cache_clear()
-        with pytest.raises(ValueError, match="not an Effect"):
+        with pytest.raises(PlantError, match="not an Effect"):
             catalogue()
     finally:
         monkeypatch.undo()
