@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from hal.config import Limits, config_path, load_settings
 from hal.errors import ConfigError
@@ -46,6 +46,7 @@ class SurfaceSettings:
     prior_c3_mean: C3
     prior_c3_std: Std
     compaction_std: Std
+    simulated: Any = None  # the same file's soils of the simulation, no business of flight's
 
 
 def load_surfaces(path: Path | None = None) -> SurfaceSettings:

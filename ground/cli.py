@@ -15,6 +15,12 @@ from flight import settings as flight_settings
 from flight.executive import Progress
 from ground import console
 from ground.campaign_cli import campaign_app
+from ground.calibration.run import (
+    CALIBRATION_HEADERS,
+    calibrate_surfaces,
+    calibration_rows,
+    write_calibration,
+)
 from ground.diagnose.pipeline import Outcome, diagnose, write_outcome
 from ground.diagnose.segments import channel_sigmas, segment_of, sigma_vector
 from ground.diagnose.verify import predict
@@ -119,6 +125,23 @@ def diagnose_command(
         console.print_json(json.loads(outcome.diagnosis.to_json()))
     else:
         show_diagnosis(outcome, out)
+
+
+@app.command()
+def calibrate(
+    write: Annotated[
+        bool, typer.Option("--write", help="Write config/surfaces.yaml and the plants.")
+    ] = False,
+) -> None:
+    """Fit the simulated soils to the published dissipation, and show target and fit."""
+    with console.clear_errors():
+        with console.steps() as show:
+            calibration, soils = calibrate_surfaces(show)
+        fits = calibration.table(soils)
+        if write:
+            for path in write_calibration(calibration, soils, fits):
+                console.say(f"{path}: written")
+    console.table("C3 of fresh soil, %", CALIBRATION_HEADERS, calibration_rows(fits))
 
 
 @app.command()

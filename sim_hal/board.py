@@ -24,11 +24,11 @@ from sim_hal.devices import (
     SimWatchdog,
 )
 from sim_hal.faults import Faults
-from sim_hal.plant.simulate import Plant, load_plant
+from sim_hal.plant.simulate import Plant, PlantError, load_plant
 from sim_hal.rig import Rig
 from sim_hal.settings import SimSettings, check_contradictions
 from sim_hal.truth import REFERENCE
-from sim_hal.world import World
+from sim_hal.world import World, plant_at
 
 SOURCE = "settings of board 'sim'"
 SIMULATED_BOARDS = ("sim", "raspberry_pi_emulated")
@@ -101,6 +101,10 @@ def _check_surfaces(settings: SimSettings, hop: Plant, source: str) -> None:
                 f"{source}: spots[{index}].surface = {spot.surface!r} is not in plants.hop = "
                 f"{settings.plants.hop!r}; known there: {known}"
             )
+        try:
+            plant_at(hop, spot)
+        except PlantError as error:
+            raise ConfigError(f"{SOURCE}: spots[{index}].values: {error}") from error
     if REFERENCE not in hop.surfaces:
         raise ConfigError(
             f"{source}: plants.hop = {settings.plants.hop!r} lacks the reference surface {REFERENCE!r}"

@@ -52,11 +52,16 @@ class PlantFiles:
 
 @dataclass(frozen=True)
 class Spot:
-    """The ground under one hop, and how the robot stands on it."""
+    """The ground under one hop, and how the robot stands on it.
+
+    `values` are the hop plant's parameters that are other in this hop than in its file, by flat name: another
+    foot's masses, this place's soil (`quartz_sand.chi`), a mechanism that runs rougher today (`c`).
+    """
 
     surface: str
     foot: Annotated[int, Limits(0, 4)] = 1
     tilt_deg: Annotated[float, Limits(-45.0, 45.0)] = 0.0
+    values: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 
 from sim_hal.drive import TensioningDrive
 from sim_hal.hop import Hop, standing_reading_m_s2
+from sim_hal.plant.plantfile import plant_document, read_plant
 from sim_hal.plant.simulate import Plant
 from sim_hal.settings import SimSettings, Spot
 from sim_hal.truth import HopTruth, hop_truth
@@ -33,6 +34,7 @@ class World:
     def __init__(self, settings: SimSettings, drive: Plant, hop: Plant) -> None:
         self._settings = settings
         self._hop_plant = hop
+        self._plants: dict[int, Plant] = {}
         self._hop: Hop | None = None
         self.now_s = self._drive_s = 0.0
         self.voltage_v = 0.0
@@ -44,7 +46,7 @@ class World:
         self._drive = TensioningDrive(
             drive, settings.rig, dict(settings.conditions), self._power_up_m, self.latch_closed
         )
-        self._standing_m_s2 = standing_reading_m_s2(hop, self.conditions)
+        self._standing_m_s2 = standing_reading_m_s2(self.plant_here, self.conditions)
 
     @property
     def hopping(self) -> bool:
@@ -59,8 +61,18 @@ class World:
     @property
     def spot(self) -> Spot:
         """The ground under the present or the next hop."""
-        spots = self._settings.spots
-        return spots[min(len(self.hops), len(spots) - 1)]
+        return self._settings.spots[self._at]
+
+    @property
+    def _at(self) -> int:
+        return min(len(self.hops), len(self._settings.spots) - 1)
+
+    @property
+    def plant_here(self) -> Plant:
+        """The plant of the present or the next hop: the file's, with the values of its spot."""
+        if self._at not in self._plants:
+            self._plants[self._at] = plant_at(self._hop_plant, self.spot)
+        return self._plants[self._at]
 
     @property
     def conditions(self) -> dict[str, float | str]:
@@ -107,7 +119,7 @@ class World:
         if on and self.latch_closed and self._hop is None:
             self._compression_m = self._drive.spring_compression_m
             self._hop = Hop(
-                self._hop_plant, self.conditions, self._compression_m, self.now_s, self._settings.rest
+                self.plant_here, self.conditions, self._compression_m, self.now_s, self._settings.rest
             )
         elif not on and self._hop is not None and not self._hop.opened:
             self._hop = None  # the lock has not let go: nothing has happened
@@ -166,7 +178,7 @@ class World:
         if hop is None or not hop.at_rest:
             return
         truth = hop_truth(
-            self._hop_plant,
+            self.plant_here,
             self.conditions,
             self._compression_m,
             hop=len(self.hops),
@@ -175,12 +187,17 @@ class World:
         )
         self.hops.append(truth)
         self._hop = None
-        self._standing_m_s2 = standing_reading_m_s2(self._hop_plant, self.conditions)
+        self._standing_m_s2 = standing_reading_m_s2(self.plant_here, self.conditions)
 
     def _close_latch_at_home(self) -> None:
         if self.at_home and not self.magnet_on and not self.latch_closed and self._hop is None:
             self.latch_closed = True
             self._drive.hold_string()
+
+
+def plant_at(plant: Plant, spot: Spot) -> Plant:
+    """The hop's plant on a spot, checked as its file would be. Raises `PlantError` naming the parameter."""
+    return read_plant(plant_document(plant.with_values(spot.values)), plant.source) if spot.values else plant
 
 
 class Coil:

@@ -150,7 +150,7 @@ def test_what_is_not_linear_where_it_must_be_is_refused() -> None:
         ),
         ("  m_b: {value: 5.393, std: 0.05393, unit: kg}\n", "", "parameters.m_b: is missing"),
         ("m_b: {value: 5.393", "m_b: {value: -5.393", "outside its limits"),
-        ("chi: {value: 0.75", "chi: {value: 1.75", "surfaces.syar.chi.value: 1.75 is outside its limits"),
+        ("chi: {value: 0.7003", "chi: {value: 1.75", "surfaces.syar.chi.value: 1.75 is outside its limits"),
         (
             "m_b: {value: 5.393, std: 0.05393, unit: kg}",
             "m_b: {value: 5.393, std: 0.05393, unit: m}",

@@ -1,0 +1,1 @@
+"""Calibration of the simulated soils on published dissipation."""

@@ -1,0 +1,1 @@
+"""The paper's campaign flown again, and every published number beside ours."""
