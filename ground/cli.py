@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -40,6 +41,17 @@ from ground.recordings.loading import load_recording, load_recordings, save_reco
 from ground.recordings.model import Recording, RecordingError
 from ground.replay import replay_log
 from ground.report.diagnosis_page import verdict_sentence as diagnosis_sentence
+from ground.reproduce.command import (
+    CONSOLE_HEADERS,
+    JSON_NAME,
+    configured_campaign,
+    console_rows,
+    flown_words,
+    reproduce_by_flight,
+    reproduce_by_table,
+    write_results,
+)
+from ground.reproduce.page import verdict
 from hal.config import config_path, config_root
 from hal.dictionary import load_dictionary
 from hal.errors import ConfigError
@@ -125,6 +137,43 @@ def diagnose_command(
         console.print_json(json.loads(outcome.diagnosis.to_json()))
     else:
         show_diagnosis(outcome, out)
+
+
+@app.command("reproduce")
+def reproduce_command(
+    table: Annotated[
+        Path | None, typer.Option(help="A laboratory's campaign (CSV or XLSX) in place of the flown one.")
+    ] = None,
+    mapping: Annotated[str | None, typer.Option("--map", help="Which column of the table is what.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the flown campaign; it repeats to the bit.")] = 1,
+    out: Out = Path("out/reproduction"),
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write every published number with ours to this file, too.")
+    ] = None,
+    processes: Annotated[int, typer.Option(min=1, help="Processes to fly on; the answer is the same.")] = 2,
+) -> None:
+    """Fly the published campaign through the flight code, and show every published number beside ours."""
+    with console.clear_errors():
+        if (table is None) != (mapping is None):
+            raise ConfigError("--table and --map go together: the mapping says which column is what")
+        campaign = configured_campaign()
+        if table is not None and mapping is not None:
+            made, flown_seed = (
+                reproduce_by_table(campaign, table, configured("campaign_tables", mapping)),
+                None,
+            )
+            how = f"From the table {table.name}: the same energy chain as the flown campaign's."
+        else:
+            with console.steps(total=float(campaign.hops)) as show:
+                show(f"flying {campaign.hops} hops on {processes} processes")
+                made, flown_seed = reproduce_by_flight(campaign, seed, show, processes), seed
+            how = flown_words(campaign, seed)
+        page = write_results(campaign, made, out, flown_seed, how)
+        if json_file is not None:
+            shutil.copyfile(out / JSON_NAME, json_file)
+    console.table(campaign.paper.citation, CONSOLE_HEADERS, console_rows(made))
+    console.say(verdict(made))
+    console.say(f"page: {page}")
 
 
 @app.command()

@@ -13,7 +13,7 @@ from hal.errors import ConfigError
 
 
 @dataclass(frozen=True)
-class TestPlan:
+class SoilTest:
     """One test on soil: E_spr, and the place, which is prepared before its first hop."""
 
     surface: str
@@ -30,7 +30,7 @@ class SetupPlan:
     foot: str
     c2_ref: Share
     reference_energy_j: Positive
-    tests: tuple[TestPlan, ...] = ()
+    tests: tuple[SoilTest, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class CampaignPlan:
     analysis: AnalysisModel
     setups: tuple[SetupPlan, ...]
 
-    def row(self, key: tuple[str, str, float]) -> Iterator[tuple[SetupPlan, TestPlan]]:
+    def row(self, key: tuple[str, str, float]) -> Iterator[tuple[SetupPlan, SoilTest]]:
         """All tests of one row of Table 5 (surface, foot, tilt), in order."""
         for setup in self.setups:
             for test in setup.tests:
