@@ -62,7 +62,7 @@ def configured_campaign(plan_path: Path | None = None) -> Campaign:
 def reproduce_by_flight(campaign: Campaign, seed: int, show: Show, processes: int = 1) -> Reproduction:
     """Fly the whole campaign and compare. The same seed gives the same numbers, on any number of processes."""
     flown = fly_campaign(campaign.missions(seed), campaign.settings, show, processes)
-    return _compared(campaign, campaign_runs(flown, campaign.settings))
+    return compared(campaign, campaign_runs(flown, campaign.settings))
 
 
 def flown_words(campaign: Campaign, seed: int) -> str:
@@ -82,10 +82,11 @@ def flown_words(campaign: Campaign, seed: int) -> str:
 def reproduce_by_table(campaign: Campaign, table: Path, mapping: Path) -> Reproduction:
     """Put a laboratory's table through the energy chain and compare. Raises `ConfigError` naming row and column."""
     table_map: TableMap = load_map(mapping)
-    return _compared(campaign, read_campaign_table(table, table_map, mapping, campaign.settings.rig))
+    return compared(campaign, read_campaign_table(table, table_map, mapping, campaign.settings.rig))
 
 
-def _compared(campaign: Campaign, runs: Sequence[CampaignRun]) -> Reproduction:
+def compared(campaign: Campaign, runs: Sequence[CampaignRun]) -> Reproduction:
+    """The runs through the energy chain, and every published number that they bear on beside theirs."""
     rig = campaign.settings.rig
     chain = through_chain(runs, rig)
     mechanisms = Mechanisms(rig, campaign.plan.least_damping_n_s_m)

@@ -30,6 +30,8 @@ from sim_hal.truth import REFERENCE, HopTruth
 
 Show = Callable[[str, float], None]
 
+_FLIGHT_TIMEOUT = "flight_timeout"
+
 
 class CampaignFailed(HalError, RuntimeError):
     """A set-up was not flown to its end; the message says which and why."""
@@ -181,8 +183,9 @@ def fly_setup(mission: Mission, settings: FlightSettings) -> list[FlownHop]:
 
 def campaign_settings(settings: FlightSettings, plan: CampaignPlan, foot: str) -> FlightSettings:
     """The flight code's settings with a foot on the arm, and the campaign's patience with a ringing spring."""
-    timeouts = replace(settings.timeouts, flight_s=plan.flight_timeout_s)
-    return replace(settings, rig=on_arm(settings.rig, foot), timeouts=timeouts)
+    patient = replace(settings.monitors[_FLIGHT_TIMEOUT], above=plan.flight_timeout_s)
+    monitors = {**settings.monitors, _FLIGHT_TIMEOUT: patient}
+    return replace(settings, rig=on_arm(settings.rig, foot), monitors=monitors)
 
 
 def _board(mission: Mission, settings: FlightSettings) -> dict[str, Any]:
