@@ -21,7 +21,7 @@ CURVE_POINTS = 60
 def efficiency_figure(made: Reproduction, paper: Paper) -> go.Figure:
     """Figure 9: jumping efficiency 1 − C1 over the mass ratio of legs and robot."""
     figure = go.Figure()
-    ratio = np.linspace(0.1, 0.5, CURVE_POINTS)
+    ratio = np.linspace(0.2, 0.4, CURVE_POINTS)
     figure.add_scatter(
         x=ratio, y=1.0 - ratio, mode="lines", line={"color": BLUE}, name="Eq. (A3), two masses"
     )
@@ -52,8 +52,8 @@ def efficiency_figure(made: Reproduction, paper: Paper) -> go.Figure:
         marker={"color": ORANGE, "symbol": "triangle-up", "size": 10},
         name="reference jumps, ours (95 %)",
     )
-    figure.update_xaxes(title="legs' share of the mass (of inertia, on the arm)", range=[0.2, 0.4])
-    figure.update_yaxes(title="E_pot / E_used", range=[0.55, 0.82])
+    figure.update_xaxes(title="legs' share of the mass (of inertia, on the arm)", range=[0.25, 0.33])
+    figure.update_yaxes(title="E_pot / E_used", range=[0.58, 0.82])
     return figure.update_layout(height=430)
 
 

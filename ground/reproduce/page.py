@@ -20,6 +20,7 @@ from ground.reproduce.paper import Paper
 from sim_hal.soils import Soils
 
 HEADERS = ("quantity", "published", "range", "ours", "range", "± σ", "runs", "goal")
+KINDS = ("c1_expected", "c1_analysis", "c1_loss_free", "c1", "c2", "c3_direct", "c3_average")
 ERROR_HEADERS = (
     "ground",
     "runs",
@@ -157,7 +158,8 @@ def _moon(page: Page, made: Reproduction, paper: Paper) -> None:
     page.section(
         "On the Moon (Figure 23)",
         f"Hopter: {paper.moon.mass_kg:g} kg, C1 = {100 * paper.moon.c1:.0f} %, C2_ref = {100 * paper.moon.c2:.1f} %, "
-        f"g = {paper.moon.gravity_m_s2:g} m/s², C3 of our runs carried over unchanged, as in the paper.",
+        f"g = {paper.moon.gravity_m_s2:g} m/s², C3 carried over unchanged, as in the paper. Beside our C3 stands the "
+        "height that Eq. (6) gives with the published one.",
     )
     _table(page, made, 3)
     page.figure(
@@ -197,9 +199,17 @@ def _runs(page: Page, made: Reproduction) -> None:
 
 
 def _table(page: Page, made: Reproduction, section: int) -> None:
-    rows = [table_row(found) for found in made.found if found.source in SECTIONS[section]]
+    shown = [found for found in made.found if found.source in SECTIONS[section]]
+    rows = [
+        table_row(found) for found in sorted(shown, key=_kind)
+    ]  # stable: feet and grounds keep their order
     goal = len(HEADERS) - 1
     page.table(HEADERS, [[*row[:goal], _goal(row[goal])] for row in rows])
+
+
+def _kind(found: Found) -> int:
+    """What is alike stands together."""
+    return next((i for i, kind in enumerate(KINDS) if found.name.startswith(kind)), len(KINDS))
 
 
 def _goal(text: str) -> Cell:
