@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,16 +15,11 @@ from flight import settings as flight_settings
 from flight.executive import Progress
 from ground import console
 from ground.campaign_cli import campaign_app
-from ground.calibration.run import (
-    CALIBRATION_HEADERS,
-    calibrate_surfaces,
-    calibration_rows,
-    write_calibration,
-)
 from ground.diagnose.pipeline import Outcome, diagnose, write_outcome
 from ground.diagnose.segments import channel_sigmas, segment_of, sigma_vector
 from ground.diagnose.verify import predict
 from ground.dictionary_page import dictionary_page
+from ground.files import configured
 from ground.importing import import_recording
 from ground.link_cli import link_app
 from ground.mission_run import plan_mission, run_mission
@@ -37,30 +31,20 @@ from ground.mission_summary import (
     verdict_sentence,
     words,
 )
+from ground.paper_cli import add_paper_commands
 from ground.recordings.loading import load_recording, load_recordings, save_recording
 from ground.recordings.model import Recording, RecordingError
 from ground.replay import replay_log
 from ground.report.diagnosis_page import verdict_sentence as diagnosis_sentence
-from ground.reproduce.command import (
-    CONSOLE_HEADERS,
-    JSON_NAME,
-    configured_campaign,
-    console_rows,
-    flown_words,
-    reproduce_by_flight,
-    reproduce_by_table,
-    write_results,
-)
-from ground.reproduce.page import verdict
-from hal.config import config_path, config_root
+from hal.config import config_path
 from hal.dictionary import load_dictionary
-from hal.errors import ConfigError
 from sim_hal.plant.simulate import Plant, compile_plant, load_plant
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 plant_app = typer.Typer(no_args_is_help=True, help="Plant files.")
 app.add_typer(plant_app, name="plant")
 app.add_typer(campaign_app, name="campaign")
+add_paper_commands(app)
 app.registered_commands += link_app.registered_commands
 
 Json = Annotated[bool, typer.Option("--json", help="Print the answer as JSON, for machines.")]
@@ -69,20 +53,6 @@ PlantOption = Annotated[str, typer.Option("--plant", help="Plant file, or a name
 MapOption = Annotated[
     str | None, typer.Option("--map", help="Mapping file (or name) to import foreign files.")
 ]
-
-
-def configured(kind: str, name: str) -> Path:
-    """A file by path, or by its name in a folder of the configuration."""
-    path = Path(name)
-    if path.suffix in (".yaml", ".yml") or path.exists():
-        return path
-    try:
-        return config_path(kind, f"{name}.yaml")
-    except ConfigError as error:
-        known = ", ".join(sorted(found.stem for found in (config_root() / kind).glob("*.yaml")))
-        raise ConfigError(
-            f"{name}: no such file, and no name in config/{kind}; names there: {known}"
-        ) from error
 
 
 @app.command()
@@ -137,60 +107,6 @@ def diagnose_command(
         console.print_json(json.loads(outcome.diagnosis.to_json()))
     else:
         show_diagnosis(outcome, out)
-
-
-@app.command("reproduce")
-def reproduce_command(
-    table: Annotated[
-        Path | None, typer.Option(help="A laboratory's campaign (CSV or XLSX) in place of the flown one.")
-    ] = None,
-    mapping: Annotated[str | None, typer.Option("--map", help="Which column of the table is what.")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the flown campaign; it repeats to the bit.")] = 1,
-    out: Out = Path("out/reproduction"),
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write every published number with ours to this file, too.")
-    ] = None,
-    processes: Annotated[int, typer.Option(min=1, help="Processes to fly on; the answer is the same.")] = 2,
-) -> None:
-    """Fly the published campaign through the flight code, and show every published number beside ours."""
-    with console.clear_errors():
-        if (table is None) != (mapping is None):
-            raise ConfigError("--table and --map go together: the mapping says which column is what")
-        campaign = configured_campaign()
-        if table is not None and mapping is not None:
-            made, flown_seed = (
-                reproduce_by_table(campaign, table, configured("campaign_tables", mapping)),
-                None,
-            )
-            how = f"From the table {table.name}: the same energy chain as the flown campaign's."
-        else:
-            with console.steps(total=float(campaign.hops)) as show:
-                show(f"flying {campaign.hops} hops on {processes} processes")
-                made, flown_seed = reproduce_by_flight(campaign, seed, show, processes), seed
-            how = flown_words(campaign, seed)
-        page = write_results(campaign, made, out, flown_seed, how)
-        if json_file is not None:
-            shutil.copyfile(out / JSON_NAME, json_file)
-    console.table(campaign.paper.citation, CONSOLE_HEADERS, console_rows(made))
-    console.say(verdict(made))
-    console.say(f"page: {page}")
-
-
-@app.command()
-def calibrate(
-    write: Annotated[
-        bool, typer.Option("--write", help="Write config/surfaces.yaml and the plants.")
-    ] = False,
-) -> None:
-    """Fit the simulated soils to the published dissipation, and show target and fit."""
-    with console.clear_errors():
-        with console.steps() as show:
-            calibration, soils = calibrate_surfaces(show)
-        fits = calibration.table(soils)
-        if write:
-            for path in write_calibration(calibration, soils, fits):
-                console.say(f"{path}: written")
-    console.table("C3 of fresh soil, %", CALIBRATION_HEADERS, calibration_rows(fits))
 
 
 @app.command()

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from hal.config import config_path, config_root
 from hal.errors import ConfigError
 
 
@@ -65,3 +66,17 @@ def _take_name(work: Path, path: Path) -> None:
     path.replace(old)
     work.rename(path)
     shutil.rmtree(old)
+
+
+def configured(kind: str, name: str) -> Path:
+    """A file by path, or by its name in a folder of the configuration."""
+    path = Path(name)
+    if path.suffix in (".yaml", ".yml") or path.exists():
+        return path
+    try:
+        return config_path(kind, f"{name}.yaml")
+    except ConfigError as error:
+        known = ", ".join(sorted(found.stem for found in (config_root() / kind).glob("*.yaml")))
+        raise ConfigError(
+            f"{name}: no such file, and no name in config/{kind}; names there: {known}"
+        ) from error
