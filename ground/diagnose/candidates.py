@@ -12,7 +12,7 @@ from ground.diagnose.result import Estimate, FindingKind
 from sim_hal.plant.compose import place_units
 from sim_hal.plant.effects.base import Form
 from sim_hal.plant.expressions import parse, to_text
-from sim_hal.plant.plant import check_use, find_effect
+from sim_hal.plant.plant import check_use, effect_of
 from sim_hal.plant.simulate import Effect, EffectUse, Parameter, Plant, alternatives, catalogue, prior
 
 Scales = Mapping[str, Mapping[str, float]]
@@ -235,7 +235,7 @@ def starts_of(start: float, low: float, high: float) -> Sequence[float]:
 
 def scales_at(use: EffectUse, plant: Plant, scales: Scales) -> dict[str, float]:
     """The scales of the place an effect enters, and the plant's own parameters."""
-    effect = find_effect(use.physics_id, plant.source)
+    effect = effect_of(plant, use)
     balance = plant.balance(effect, use.equation)
     place = use.channel or (balance.name if balance else use.equation)
     values = {name: parameter.value for name, parameter in plant.parameters.items()}

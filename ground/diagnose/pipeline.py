@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from ground.diagnose.candidates import label_of
 from ground.diagnose.compare import compare_with
 from ground.diagnose.evidence import Evidence, LocatedForce
-from ground.diagnose.findings import findings_of, next_run, verdict_of
+from ground.diagnose.findings import findings_of, next_run, unexplained, verdict_of
 from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.locate import LocateTask, locate, still_missing
 from ground.diagnose.name import Named, Search
+from ground.diagnose.nameless import with_formula
 from ground.diagnose.power import power_of, untestable
 from ground.diagnose.problem import PRIOR_REACH
 from ground.diagnose.result import Diagnosis
@@ -147,6 +148,10 @@ def diagnose(
         forces = locate(refit, data.windows, data.whole[0], data.sigmas, scales, workers)
         needless = withdrawals(refit, plant, workers) if plant.effects else ()
         named = Search(workers, progress, plant).run(refit)
+        if unexplained(named.fit, data.windows):
+            progress("looking for a formula")
+            left = locate(named.fit, data.windows, data.whole[0], data.sigmas, scales, workers)
+            named = with_formula(named, left[0], plant, workers) if left else named
         if named.chosen and forces:
             typical = scales[forces[0].equation]["F"]
             task = LocateTask(

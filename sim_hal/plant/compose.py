@@ -10,12 +10,11 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from sim_hal.plant.effects import catalogue
 from sim_hal.plant.effects.base import FILTERED, Form
 from sim_hal.plant.expressions import ExpressionError, Name, Node, Num, Op, add, multiply, parse, rename, walk
 from sim_hal.plant.filters import Filters, while_acting
 from sim_hal.plant.inertia import Correction, heavier
-from sim_hal.plant.plant import EffectUse, Plant, check_use
+from sim_hal.plant.plant import EffectUse, Plant, check_use, effect_of
 from sim_hal.plant.structure import Balance, Definition, Memory, PlantError, State, Structure, unit_text
 from sim_hal.plant.units import (
     INVERSE,
@@ -142,7 +141,7 @@ def compose(plant: Plant, missing_force: str | None = None) -> Model:
 
 def _collect(plant: Plant, use: EffectUse, form: Form, found: _Additions) -> None:
     """Add one effect, its symbols replaced by the plant's."""
-    effect = catalogue()[use.physics_id]
+    effect = effect_of(plant, use)
     balance = plant.balance(effect, use.equation)
     prefix = plant.prefix(use)
     translate = _translator(plant, use, form, balance)
@@ -215,7 +214,7 @@ def _places(structure: Structure, balance: Balance) -> dict[str, Node]:
 
 def place_units(plant: Plant, use: EffectUse, form: Form) -> dict[str, str]:
     """Unit of each of the effect's parameters at its place; raises `PlantError` where it does not fit."""
-    effect = catalogue()[use.physics_id]
+    effect = effect_of(plant, use)
     tokens = _unit_tokens(plant, use, plant.balance(effect, use.equation))
     found = {}
     for item in form.parameters:
@@ -245,7 +244,7 @@ def _unit_tokens(plant: Plant, use: EffectUse, balance: Balance | None) -> dict[
 
 def _check_formulas(plant: Plant, use: EffectUse, form: Form) -> None:
     """Refuse an effect whose formulas do not have the unit of their place."""
-    effect = catalogue()[use.physics_id]
+    effect = effect_of(plant, use)
     balance = plant.balance(effect, use.equation)
     symbols = _effect_symbols(plant, use, form, balance)
     force = dimension(balance.unit) if balance is not None else PURE

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from sim_hal.plant.effects import catalogue
 from sim_hal.plant.effects.base import Effect, Form
+from sim_hal.plant.effects.unlisted import PHYSICS_ID, unlisted
 from sim_hal.plant.structure import Balance, PlantError, Structure
 from sim_hal.plant.units import channel_unit
 
@@ -31,12 +32,16 @@ class Sensor:
 
 @dataclass(frozen=True)
 class EffectUse:
-    """An effect at its place: the equation it enters, or the channel of a sensor fault, with parameter values."""
+    """An effect at its place: the equation it enters, or the channel of a sensor fault, with parameter values.
+
+    `law` is the force of an effect that no catalogue lists, a formula of v, x, load, t and the parameters.
+    """
 
     physics_id: str
     equation: str
     channel: str | None
     parameters: Mapping[str, Parameter]
+    law: str | None = None
 
 
 @dataclass(frozen=True)
@@ -178,9 +183,22 @@ def find_effect(physics_id: str, source: str) -> Effect:
     return effects[physics_id]
 
 
+def effect_of(plant: Plant, use: EffectUse) -> Effect:
+    """The effect in use: of the catalogue, or with the law that the plant file gives; raises `PlantError`."""
+    if use.law is None:
+        return find_effect(use.physics_id, plant.source)
+    if use.physics_id != PHYSICS_ID:
+        raise PlantError(
+            f"{plant.source}: effects: {use.physics_id}: only {PHYSICS_ID!r} may give a law of its own"
+        )
+    balance = plant.structure.balances.get(use.equation)
+    coefficients = {name: (parameter.value, parameter.unit) for name, parameter in use.parameters.items()}
+    return unlisted(use.equation, use.law, coefficients, balance.port if balance else None)
+
+
 def check_use(plant: Plant, use: EffectUse) -> Form:
     """The form in which the effect acts on the plant; raises `PlantError` saying why it cannot."""
-    effect = find_effect(use.physics_id, plant.source)
+    effect = effect_of(plant, use)
     where = f"{plant.source}: effects: {use.physics_id}"
     if effect.kind == "sensor":
         if use.channel not in plant.structure.outputs:

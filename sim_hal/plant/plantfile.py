@@ -51,6 +51,7 @@ class _EffectEntry:
     parameters: Any
     equation: str | None = None
     channel: str | None = None
+    law: str | None = None
 
 
 def load_plant(path: Path) -> Plant:
@@ -178,9 +179,8 @@ def _with_effects(reader: Reader, plant: Plant) -> Plant:
     for index, value in enumerate(entries):
         key = f"effects[{index}]"
         entry = reader.settings(value, _EffectEntry, key)
-        effect = find_effect(entry.physics_id, reader.source)
         parameters = _parameters(reader, f"{key}.parameters", entry.parameters)
-        use = EffectUse(entry.physics_id, entry.equation or effect.equation, entry.channel, parameters)
+        use = EffectUse(entry.physics_id, _equation(reader, key, entry), entry.channel, parameters, entry.law)
         form = check_use(plant, use)
         for name, unit in place_units(plant, use, form).items():
             if dimension(parameters[name].unit) != dimension(unit):
@@ -192,6 +192,15 @@ def _with_effects(reader: Reader, plant: Plant) -> Plant:
     for prefix in duplicates(plant):
         raise reader.error("effects", f"{prefix} stands there twice")
     return plant
+
+
+def _equation(reader: Reader, key: str, entry: _EffectEntry) -> str:
+    """Where an effect enters: as the file says, else where the catalogue puts it."""
+    if entry.equation is not None:
+        return entry.equation
+    if entry.law is not None:
+        raise reader.error(f"{key}.equation", "is missing; a law must say which balance it enters")
+    return find_effect(entry.physics_id, reader.source).equation
 
 
 def plant_document(plant: Plant) -> dict[str, Any]:
@@ -226,6 +235,8 @@ def _effect_document(use: EffectUse) -> dict[str, Any]:
     found: dict[str, Any] = {"physics_id": use.physics_id, "equation": use.equation}
     if use.channel is not None:
         found["channel"] = use.channel
+    if use.law is not None:
+        found["law"] = use.law
     return found | {"parameters": {name: dict(vars(value)) for name, value in use.parameters.items()}}
 
 

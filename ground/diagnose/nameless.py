@@ -1,0 +1,36 @@
+"""When no name fits what is left: a formula, held to the same proof as every name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ground.diagnose.crossval import cross_validate
+from ground.diagnose.evidence import LocatedForce
+from ground.diagnose.formula import formula_candidate, sparse_law
+from ground.diagnose.name import ACCEPT, Chosen, Named, identified, worthwhile
+from ground.diagnose.scoring import effective_share, probability_better
+from ground.diagnose.workers import FitTask, Workers, fit_job
+from sim_hal.plant.simulate import Plant
+
+
+def with_formula(named: Named, force: LocatedForce, given: Plant, workers: Workers) -> Named:
+    """The search's end with a formula for `force`, what its fit still lacks; unchanged where that proves nothing.
+
+    The formula's probability is that of predicting better, times the share of the force that it predicts.
+    """
+    segments = workers.context.segments
+    candidate, law = formula_candidate(named.fit.plant, force), sparse_law(force)
+    if candidate is None or law is None:
+        return named
+    start = FitTask(candidate.joined(named.fit.plant), named.fit, {}, "polish")
+    (fit,) = workers.map(fit_job, [start])
+    share = effective_share(fit.residuals.reshape(-1, segments[0].observed.shape[1]))
+    before, after = cross_validate(named.fit, segments), cross_validate(fit, segments)
+    scores = after.scores(share), before.scores(share)
+    better = probability_better(*scores)
+    useful = worthwhile(before, after, float((scores[0] - scores[1]).sum()))
+    if better < ACCEPT or not useful or not identified(candidate, fit, given):
+        return named
+    (final,) = workers.map(fit_job, [FitTask(fit.plant, fit, fit.values, "final")])
+    chosen = Chosen(candidate, better, (), (), ((candidate, law.explained),), named.fit.chi2)
+    return replace(named, fit=final, chosen=(*named.chosen, chosen))
