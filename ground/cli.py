@@ -38,6 +38,7 @@ from ground.replay import replay_log
 from ground.report.diagnosis_page import verdict_sentence as diagnosis_sentence
 from hal.config import config_path
 from hal.dictionary import load_dictionary
+from hal.raspberry_pi import setup_check
 from sim_hal.plant.simulate import Plant, compile_plant, load_plant
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
@@ -180,6 +181,20 @@ def replay(
         console.err.print(f"first difference: {result.first_difference}", markup=False, highlight=False)
         raise typer.Exit(1)
     console.say("the replay is the same, bit for bit")
+
+
+@app.command()
+def setup(
+    board_settings: Annotated[
+        Path | None, typer.Option(help="Wiring instead of config/boards/raspberry_pi.yaml.")
+    ] = None,
+) -> None:
+    """Check whether this computer is ready to be the robot; say what is wrong and how to mend it."""
+    with console.clear_errors():
+        findings = setup_check.look(board_settings)
+    console.say(setup_check.report(findings))
+    if not all(finding.good for finding in findings):
+        raise typer.Exit(1)
 
 
 @plant_app.command()

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import sys
 
+from hal.raspberry_pi import setup_check
+
 
 def main() -> None:
-    """Run the command line, or say how to get it."""
+    """Run the command line, or say how to get it; `setup` is for the robot, which has no ground tools."""
+    if sys.argv[1:2] == ["setup"] and "--help" not in sys.argv:
+        sys.exit(setup_check.main(sys.argv[2:]))
     try:
         from ground.cli import app  # the ground extra may be absent on a robot
     except ModuleNotFoundError as error:

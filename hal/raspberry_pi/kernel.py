@@ -17,6 +17,7 @@ import smbus2
 
 from hal.raspberry_pi.clock import MonotonicClock, ThreadSampler
 from hal.raspberry_pi.ports import SerialPort, SmBus
+from hal.raspberry_pi.service_manager import ServiceManager
 
 T = TypeVar("T")
 
@@ -82,9 +83,10 @@ class SpidevPort:
 
 
 class KernelWatchdog:
-    """/dev/watchdog: armed by being opened."""
+    """/dev/watchdog, armed by being opened, and the service manager's watchdog beside it."""
 
     def __init__(self, device: str, timeout_s: int) -> None:
+        self._manager = ServiceManager()
         self._file = os.open(device, os.O_WRONLY | os.O_CLOEXEC)
         try:
             answer = fcntl.ioctl(self._file, WATCHDOG_SET_TIMEOUT, struct.pack("i", timeout_s))
@@ -98,9 +100,11 @@ class KernelWatchdog:
     def keep_alive(self) -> None:
         """Restart its time."""
         fcntl.ioctl(self._file, WATCHDOG_KEEP_ALIVE, bytes(4))
+        self._manager.stroke()
 
     def disarm(self) -> None:
         """Stop it without a reset. May be called again."""
+        self._manager.close()
         if self._file >= 0:
             os.write(self._file, MAGIC_CLOSE)
             os.close(self._file)

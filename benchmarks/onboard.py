@@ -1,0 +1,281 @@
+"""What the flight software costs on board: memory, start, the tick, growth, jitter.
+
+    python -m benchmarks.onboard [--json FILE] [--hours H] [--jitter-s S]
+
+`start_s` and `rss_mb`: a fresh `python -m flight` (its modules, the Raspberry Pi's drivers, settings and mission), up
+to where it asks for the board; the least of five starts, and the resident memory there. `start_cpu_s` is its
+processor time.
+
+`tick_us_*`: processor time of one tick over a whole mission of one hop, log included, without the time that the
+(simulated) devices take; the tick that evaluates the hop is counted apart, as `evaluation_ms`. The mission is flown
+at the shipped 200 Hz, to which the monitors are tuned, so a tick takes in eight samples of each fast sensor; at 1 kHz it
+would be two. `tick_no_log_us_median` is the same mission without its log.
+
+`growth_kb_per_hour`: slope of the resident memory while the robot hops on at 200 Hz for `--hours` of simulated time,
+the collector off as in flight, the first quarter left out.
+
+`jitter_*`: how late a task at 1 kHz wakes up in real time on this machine, with SCHED_FIFO where that is permitted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import settings as flight_settings
+from flight.executive import fly
+from flight.log import McapLog
+from flight.mission import HopPlan, MissionPlan
+from hal.board import Board
+from hal.calls import board_calls
+from hal.config import config_path, read_yaml
+from hal.log import LogSink, NullLog
+from hal.raspberry_pi.clock import MonotonicClock
+from hal.tap import tap_board
+from sim_hal.board import SimBoard, open_sim
+
+FLOATS = NDArray[np.float64]
+STARTS = 5
+HOP_S = 22.0
+"""About what a hop of 6 J takes, with homing and tensioning."""
+
+STARTING = """
+import sys, time
+started = float(sys.argv[1])
+import flight.__main__ as entry
+import hal.raspberry_pi.board, hal.raspberry_pi.kernel
+def opened(name, settings):
+    import resource
+    taken = time.clock_gettime(time.CLOCK_MONOTONIC) - started
+    status = open("/proc/self/status").read()
+    print(taken, time.process_time(), int(status.partition("VmRSS:")[2].split()[0]) / 1024)
+    raise SystemExit
+entry.open_board = opened
+entry.main(["--board", "raspberry_pi", "--mission", sys.argv[2], "--log", sys.argv[3]])
+"""
+
+
+def start_and_memory() -> tuple[float, float, float]:
+    """Least time and processor time to start [s], and resident memory at its end [MB]."""
+    found = []
+    for _ in range(STARTS):
+        with tempfile.TemporaryDirectory() as folder:
+            mission = Path(folder) / "mission.yaml"
+            mission.write_text(
+                "name: one\nhops:\n  - {energy_j: 6.0, surface: quartz_sand}\n", encoding="utf-8"
+            )
+            now_s = time.clock_gettime(time.CLOCK_MONOTONIC)
+            done = subprocess.run(
+                [sys.executable, "-c", STARTING, str(now_s), str(mission), str(Path(folder) / "flight.mcap")],
+                capture_output=True,
+                text=True,
+                check=True,
+            )
+            found.append(tuple(float(part) for part in done.stdout.split()))
+    taken, cpu, memory = np.array(found).T
+    return float(taken.min()), float(cpu.min()), float(memory.max())
+
+
+class TickMeter:
+    """Stands between tap and board: adds up the devices' processor time, and notes each tick's without it."""
+
+    def __init__(self, board: Board) -> None:
+        self.ticks_us: list[float] = []
+        self._devices_ns = 0
+        self._began_ns = time.thread_time_ns()
+        devices = {name: _Metered(getattr(board, name), self) for name in board_calls() if name != "clock"}
+        self.board = Board(name=board.name, clock=_TickClock(board.clock, self), **devices)
+
+    def device(self, call: Callable[..., Any], plain: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        """Make a call of a device at its own expense."""
+        start_ns = time.thread_time_ns()
+        try:
+            return call(*plain, **named)
+        finally:
+            self._devices_ns += time.thread_time_ns() - start_ns
+
+    def wait(self, call: Callable[[float], None], time_s: float) -> None:
+        """End a tick, let time pass, and begin the next."""
+        self.ticks_us.append((time.thread_time_ns() - self._began_ns - self._devices_ns) / 1e3)
+        call(time_s)
+        self._devices_ns = 0
+        self._began_ns = time.thread_time_ns()
+
+
+class _Metered:
+    def __init__(self, device: Any, meter: TickMeter) -> None:
+        self._device, self._meter = device, meter
+
+    def __getattr__(self, name: str) -> Any:
+        member = getattr(self._device, name)
+        if not callable(member):
+            return member
+
+        def call(*plain: Any, **named: Any) -> Any:
+            return self._meter.device(member, plain, named)
+
+        setattr(self, name, call)
+        return call
+
+
+class _TickClock:
+    def __init__(self, clock: Any, meter: TickMeter) -> None:
+        self._clock, self._meter = clock, meter
+        self.now_s = clock.now_s
+
+    def sleep_until_s(self, time_s: float) -> None:
+        """Wait; the tick ends here."""
+        self._meter.wait(self._clock.sleep_until_s, time_s)
+
+
+def plan(hops: int) -> MissionPlan:
+    """Hops of 6 J off sand."""
+    return MissionPlan("onboard", (HopPlan(6.0, "quartz_sand"),) * hops)
+
+
+def open_on_sand() -> SimBoard:
+    """The simulated robot on sand."""
+    settings = read_yaml(config_path("boards", "sim.yaml"))
+    settings["spots"] = [{"surface": "quartz_sand", "foot": 1, "tilt_deg": 0.0}]
+    return open_sim(settings)
+
+
+def ticks(logged: bool) -> FLOATS:
+    """Processor time of each tick [us] of a mission of one hop."""
+    with tempfile.TemporaryDirectory() as folder, open_on_sand() as board:
+        meter = TickMeter(board)
+        log: LogSink = McapLog(Path(folder) / "flight.mcap", {}) if logged else NullLog()
+        flown = tap_board(meter.board, log) if logged else meter.board
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        result = fly(flown, flight_settings.load(), plan(1), log)
+        gc.enable()
+        if isinstance(log, McapLog):
+            log.close()
+    print(
+        f"  mission {'with' if logged else 'without'} log: {len(meter.ticks_us)} ticks, {result.end_reason}"
+    )
+    return np.array(meter.ticks_us[5:])
+
+
+def growth_kb_per_hour(hours: float) -> float:
+    """Slope of resident memory over simulated time."""
+    points: list[tuple[float, float]] = []
+
+    def watch(progress: Any) -> None:
+        if not points or progress.time_s - points[-1][0] >= 1.0:
+            points.append((progress.time_s, _resident_kb()))
+
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        open_on_sand() as board,
+        McapLog(Path(folder) / "flight.mcap", {}) as log,
+    ):
+        gc.collect()
+        gc.disable()
+        mission = plan(max(2, round(hours * 3600.0 / HOP_S)))
+        result = fly(tap_board(board, log), flight_settings.load(), mission, log, watch)
+        garbage = gc.collect()
+        gc.enable()
+    times, memory = np.array(points).T
+    late = times > 0.25 * times[-1]
+    print(
+        f"  {len(result.hops)} hops in {times[-1] / 60.0:.1f} simulated minutes, {result.end_reason}; "
+        f"resident {memory[0] / 1024:.1f} to {memory[-1] / 1024:.1f} MB, {garbage} objects of garbage in cycles"
+    )
+    return float(np.polyfit(times[late], memory[late], 1)[0] * 3600.0)
+
+
+def _resident_kb() -> float:
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * resource.getpagesize() / 1024.0
+
+
+def jitter_us(duration_s: float) -> tuple[FLOATS, str]:
+    """How late a sleeper at 1 kHz wakes [us], and by which scheduler."""
+    scheduler = "SCHED_FIFO"
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))
+    except PermissionError:
+        scheduler = "the usual scheduler (SCHED_FIFO is not permitted)"
+    clock, late = MonotonicClock(), []
+    gc.disable()
+    due_s = clock.now_s()
+    for _ in range(round(duration_s * 1000.0)):
+        due_s += 1e-3
+        clock.sleep_until_s(due_s)
+        late.append(1e6 * (clock.now_s() - due_s))
+    gc.enable()
+    os.sched_setscheduler(0, *before)
+    return np.array(late), scheduler
+
+
+def histogram(late_us: FLOATS) -> str:
+    """Counts by lateness, as text."""
+    edges = [0.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 5000.0, np.inf]
+    counts, _ = np.histogram(late_us, edges)
+    return "\n".join(
+        f"  {low:6.0f} to {high:6.0f} us  {count:7d}  {'#' * round(50 * count / late_us.size)}"
+        for low, high, count in zip(edges, edges[1:], counts, strict=False)
+    )
+
+
+def measure(hours: float, jitter_s: float) -> dict[str, tuple[float, str]]:
+    """All figures: value and unit by name."""
+    figures: dict[str, tuple[float, str]] = {}
+    start_s, cpu_s, memory_mb = start_and_memory()
+    figures["rss_mb"], figures["start_s"], figures["start_cpu_s"] = (
+        (memory_mb, "MB"),
+        (start_s, "s"),
+        (cpu_s, "s"),
+    )
+    logged = np.sort(ticks(logged=True))
+    figures["tick_us_median"] = (float(np.median(logged[:-1])), "us")
+    figures["tick_us_p999"] = (float(np.percentile(logged[:-1], 99.9)), "us")
+    figures["evaluation_ms"] = (float(logged[-1]) / 1e3, "ms")
+    figures["tick_no_log_us_median"] = (float(np.median(ticks(logged=False))), "us")
+    figures["growth_kb_per_hour"] = (growth_kb_per_hour(hours), "kB/h")
+    late_us, scheduler = jitter_us(jitter_s)
+    print(f"  a sleeper at 1 kHz for {jitter_s:g} s under {scheduler} wakes late by:")
+    print(histogram(late_us))
+    figures["jitter_us_median"] = (float(np.median(late_us)), "us")
+    figures["jitter_us_p999"] = (float(np.percentile(late_us, 99.9)), "us")
+    return figures
+
+
+def main() -> None:
+    """Measure, print, and write the figures where asked."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--json", type=Path, help="write the figures here")
+    parser.add_argument("--hours", type=float, default=0.1, help="simulated time for the growth of memory")
+    parser.add_argument("--jitter-s", type=float, default=5.0, help="real time for the jitter")
+    arguments = parser.parse_args()
+    figures = measure(arguments.hours, arguments.jitter_s)
+    for name, (value, unit) in figures.items():
+        print(f"{name:24s} {value:10.4g} {unit}")
+    if arguments.json:
+        content = {
+            "figures": {name: {"value": value, "unit": unit} for name, (value, unit) in figures.items()}
+        }
+        arguments.json.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
