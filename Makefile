@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 GROUND := $(VENV)/.ground
 DEV := $(VENV)/.dev
 
-.PHONY: demo test lint setup clean
+.PHONY: demo test test-kernel test-arm64 lint setup clean
 
 $(GROUND): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -31,6 +31,16 @@ lint: $(DEV)
 
 test: lint
 	$(BIN)/pytest
+
+# The drivers on Debian's arm64 kernel, on a computer emulated by QEMU. Needs root (or sudo) on Debian 12 for its packages.
+test-kernel: $(DEV)
+	PYTHON=$(abspath $(BIN)/python) tests/kernel/prepare.sh out/arm64
+	HOPPER_ARM64=$(abspath out/arm64) $(BIN)/pytest -n0 -s tests/kernel
+
+# The flight tests on an arm64 Debian in user-mode emulation.
+test-arm64: $(DEV)
+	PYTHON=$(abspath $(BIN)/python) tests/kernel/prepare.sh out/arm64
+	tests/kernel/flight_on_arm64.sh out/arm64
 
 clean:
 	rm -rf $(VENV) out

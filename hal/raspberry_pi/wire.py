@@ -1,7 +1,8 @@
 """I²C as the drivers use it: registers of one part, and the bus's faults by their names.
 
-What Linux answers (Documentation/i2c/fault-codes.rst): EREMOTEIO, ENXIO and EIO for a byte that nobody
-acknowledged, ETIMEDOUT when a transfer took too long, EAGAIN and EBUSY when a line is held by somebody else.
+What Linux answers (Documentation/i2c/fault-codes.rst): EREMOTEIO, ENXIO, EIO or ENODEV (its drivers differ) for a
+byte that nobody acknowledged, ETIMEDOUT when a transfer took too long, EAGAIN and EBUSY when a line is held by
+somebody else.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ _FAULTS: dict[int, type[ReadFailed]] = {
     errno.EREMOTEIO: NoAcknowledge,
     errno.ENXIO: NoAcknowledge,
     errno.EIO: NoAcknowledge,
+    errno.ENODEV: NoAcknowledge,
     errno.ETIMEDOUT: ReadTimeout,
     errno.EAGAIN: BusStuck,
     errno.EBUSY: BusStuck,
