@@ -33,7 +33,7 @@ from hal.raspberry_pi.wire import I2cBus, I2cPart
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PiBoard(Board):
     """A board of drivers, with the ports below them."""
 

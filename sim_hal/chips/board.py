@@ -43,7 +43,7 @@ class EmulatedSettings:
     wire_faults: tuple[FaultSettings, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EmulatedBoard(PiBoard):
     """A board that can be looked behind: the simulated rig, the chips, and the faults of their wires."""
 
