@@ -6,10 +6,11 @@
 to where it asks for the board; the least of five starts, and the resident memory there. `start_cpu_s` is its
 processor time.
 
-`tick_us_*`: processor time of one tick over a whole mission of one hop, with all messages handed to the log (whose own
-thread is not counted), without the time that the (simulated) devices take; the tick that evaluates the hop is counted
-apart, as `evaluation_ms`. The mission is flown at the shipped 200 Hz, to which the monitors are tuned, so a tick takes in
-eight samples of each fast sensor; at 1 kHz it would be two. `tick_no_log_us_median` is the same without the log.
+`tick_us_*`: processor time of one tick over a whole mission of one hop, with all messages handed to the log (whose
+own thread is not counted), without the time that the (simulated) devices take; the tick that evaluates the hop is
+counted apart, as `evaluation_ms`. The mission is flown at the shipped 200 Hz, to which the monitors are tuned, so a
+tick takes in eight samples of each fast sensor; at 1 kHz it would be two. `tick_no_log_us_median` is the same without
+the log.
 
 `growth_kb_per_hour`: slope of the resident memory while the robot hops on at 200 Hz for `--hours` of simulated time,
 the collector off as in flight, the first quarter left out.
