@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from plant_helpers import block, hop_run, plant_of, pushed, shipped, simulate, states, use_of
 
 from sim_hal.plant import effects
@@ -102,22 +104,47 @@ def test_every_effect_has_its_place_on_some_rig(name: str) -> None:
         assert use.equation
 
 
-def test_all_effects_of_a_rig_together_in_any_order(tmp_path: Path) -> None:
-    plant = shipped("bb0b_drive")
-    chosen = [
-        use for _, use, _ in uses("drive") if use.physics_id not in ("presliding_hysteresis", "sensor_delay")
-    ]
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_zero_strength_is_nothing_whatever_the_shape(data: st.DataObject) -> None:
+    """Widths, time constants and the like anywhere in their range: not a bit of any channel changes."""
+    name = data.draw(st.sampled_from(("block", "drive", "hop")))
+    plant, run, scales = rig(name)
+    _, use, form = data.draw(st.sampled_from(list(uses(name))), label="use")
+    values = dict.fromkeys(use.parameters, 0.0)
+    for item in form.parameters:
+        if not item.strength:
+            _, low, high = prior(item, scales | {"Y_max": 1.0})
+            values[item.name] = data.draw(st.floats(low, high), label=item.name)
+    absent = plant.with_effect(use_of(plant, use.physics_id, use.equation, values, use.channel))
+    nominal = simulate(plant, run)
+    for key, found in simulate(absent, run).items():
+        assert np.array_equal(found, nominal[key])
+
+
+@pytest.mark.parametrize("name", ["block", "drive", "hop"])
+def test_all_effects_of_a_rig_together_in_any_order(name: str, tmp_path: Path) -> None:
+    """Each in its own place: dry friction on body, leg and between them would hold two motions by three forces."""
+    plant, run, _ = rig(name)
+    alone = len(plant.structure.balances) == 1
+    chosen = [(use, form) for effect, use, form in uses(name) if alone or use.equation == effect.equation]
     forward = backward = plant
-    for use in chosen:
+    for use, _ in chosen:
         forward = forward.with_effect(use)
-    for use in reversed(chosen):
+    for use, _ in reversed(chosen):
         backward = backward.with_effect(use)
-    first, second = simulate(forward, DRIVE), simulate(backward, DRIVE)
+    first, second = simulate(forward, run), simulate(backward, run)
     for key, values in first.items():
+        assert np.isfinite(values).all()
         assert np.array_equal(values, second[key])
     save_plant(forward, tmp_path / "plant.yaml")
-    again = simulate(load_plant(tmp_path / "plant.yaml"), DRIVE)
+    again = simulate(load_plant(tmp_path / "plant.yaml"), run)
     assert all(np.array_equal(first[key], again[key]) for key in first)
+    strengths = [
+        f"{plant.prefix(use)}.{p.name}" for use, form in chosen for p in form.parameters if p.strength
+    ]
+    absent, nominal = simulate(forward.with_values(dict.fromkeys(strengths, 0.0)), run), simulate(plant, run)
+    assert all(np.array_equal(nominal[key], absent[key]) for key in nominal)
 
 
 def coasting(physics_id: str, values: dict[str, float]) -> Any:
