@@ -148,7 +148,7 @@ def test_adhesion_takes_the_work_of_its_pull() -> None:
 
 
 def test_compaction_and_slip_are_another_soil() -> None:
-    plant = shipped("bb0b_hop")
+    plant = shipped("bb0b_hop").with_values({"quartz_sand.k_l": 9.5e4, "quartz_sand.chi": 0.9})
     done = 1.0 - np.exp(-3.0 / 2.0)
     packed = with_effect(plant, "soil_compaction", a=0.8, b=0.5, n_c=2.0)
     stiffer = plant.with_values(
