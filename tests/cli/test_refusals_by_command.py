@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from hopper_command import hopper, refused
 
-import ground.cli
+import ground.files
 import ground.mission_run
 import hal.config
 from hal.config import config_root
@@ -123,7 +123,7 @@ def settings_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of the configuration, which is then what the command reads."""
     copy = tmp_path / "config"
     shutil.copytree(config_root(), copy)
-    for module in (hal.config, ground.cli, ground.mission_run):
+    for module in (hal.config, ground.files, ground.mission_run):
         monkeypatch.setattr(module, "config_root", lambda: copy)
     return copy
 
