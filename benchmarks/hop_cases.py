@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight.rig import VerticalRig
-from flight.settings import FlightSettings, load
+from flight.settings import FlightSettings, GroundSettings, load
 from hal.config import config_path
 from hal.readings import MagnetCurrent, SpecificForce, SpringCompression
 from sim_hal.plant.expressions import Name
@@ -158,6 +158,16 @@ def _hidden(rng: np.random.Generator, body: str) -> tuple[str, ...]:
     return tuple(sorted(str(name) for name in rng.choice(known, count, replace=False)))
 
 
+def _three_feet(ground: GroundSettings) -> GroundSettings:
+    """The ground under three feet at once."""
+    return replace(
+        ground,
+        soft_stiffness_n_m=3.0 * ground.soft_stiffness_n_m,
+        hard_stiffness_n_m=3.0 * ground.hard_stiffness_n_m,
+        loading_stiffness_n_m=3.0 * ground.loading_stiffness_n_m,
+    )
+
+
 @cache
 def _settings_of(rig: str, body: str, foot: str, rate_hz: float) -> FlightSettings:
     """What flight is told: the nominal rig and the sensors' data sheets."""
@@ -175,6 +185,7 @@ def _settings_of(rig: str, body: str, foot: str, rate_hz: float) -> FlightSettin
             spring_stiffness_n_m=hopter["k"].value,
             spring_damping_n_s_m=hopter["c"].value,
         )
+        base = replace(base, evaluation=replace(base.evaluation, ground=_three_feet(base.evaluation.ground)))
     else:
         on_arm = replace(own, foot=foot).arm_equivalent
         gravity = GRAVITIES.get(body, on_arm.gravity_m_s2)

@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 class Ground:
     """Contact laws side by side, each array (n,), per leg mass: two slopes of force over depth.
 
-    Into a crater (`leaving` False) the force grows along `stiff_1_s2` up to `yield_m_s2`, then along `soft_1_s2`.
+    Into a crater (`leaving` False) the force grows along `stiff_1_s2` up to `yield_m_s2`, then along `soft_1_s2`,
+    and falls again along `stiff_1_s2`.
     Backwards from take-off (`leaving`) it grows along `stiff_1_s2` to the deepest point, and falls again along
     `soft_1_s2`, on which the ground was loaded before.
     """
@@ -33,13 +34,11 @@ class Ground:
 
     def push_m_s2(self, depth_m: Array, deepest_m: Array) -> Array:
         """Force over leg mass at a depth (n,); none where the foot is above the ground."""
+        force = self.stiff_1_s2 * deepest_m
         if self.leaving:
-            force = self.stiff_1_s2 * deepest_m - self.soft_1_s2 * (deepest_m - depth_m)
-        else:
-            force = self.stiff_1_s2 * depth_m
-            more = self.yield_m_s2 + (force - self.yield_m_s2) * (self.soft_1_s2 / self.stiff_1_s2)
-            force = np.minimum(force, more)
-        return np.maximum(force, 0.0)
+            return np.maximum(force - self.soft_1_s2 * (deepest_m - depth_m), 0.0)
+        more = self.yield_m_s2 + (force - self.yield_m_s2) * (self.soft_1_s2 / self.stiff_1_s2)
+        return np.maximum(np.minimum(force, more) - self.stiff_1_s2 * (deepest_m - depth_m), 0.0)
 
 
 def felt_by_body(

@@ -25,7 +25,7 @@ _APART_S = 5e-4  # of two starts
 class E(IntEnum):
     """Parameters of an edge: its time, logs of the ground's figures, error of the foot's speed; then the ringing."""
 
-    TIME, STIFF, SPEED, YIELD, SOFT, OMEGA, DECAY, COSINE, SINE, OFFSET = range(10)
+    TIME, STIFF, SPEED, YIELD, SOFT, OMEGA, DECAY, COSINE, SINE, OFFSET, FRICTION = range(11)
 
 
 _GROUND = (E.TIME, E.STIFF, E.SPEED, E.YIELD, E.SOFT)
@@ -38,7 +38,7 @@ class EdgeData:
 
     times_s, motion_m_s2 (n,): the body's specific force along the leg. `way`: TAKE_OFF or TOUCHDOWN. `hard` ground
     gives nothing away. `speed_m_s`: of the centre of mass at `speed_at_s`.
-    `prior_mean`, `prior_std` (10,) in the order of `E`.
+    `prior_mean`, `prior_std` (11,) in the order of `E`.
     """
 
     times_s: Array
@@ -89,7 +89,7 @@ def ringing_of(p: Array, data: EdgeData) -> Ringing:
 
 
 def fit_edge(data: EdgeData, start: Array, heartbeat: Heartbeat) -> Edge:
-    """Levenberg-Marquardt from `start` (10,). Raises `ValueError` where the fit leads nowhere."""
+    """Levenberg-Marquardt from `start` (11,). Raises `ValueError` where the fit leads nowhere."""
     weight = 1.0 / data.prior_std
     point = start.copy()
     left, jacobian = _model(data, point)
@@ -130,7 +130,7 @@ def _cost(left: Array, off: Array) -> float:
 
 
 def _model(data: EdgeData, p: Array) -> tuple[Array, Array]:
-    """Residuals (n,) in noise sigmas, and the model's Jacobian (n, 10) in the same unit."""
+    """Residuals (n,) in noise sigmas, and the model's Jacobian (n, 11) in the same unit."""
     ringing = ringing_of(p, data)
     tau = data.times_s - ringing.reference_s
     fade = np.exp(-ringing.decay_1_s * tau)
@@ -140,10 +140,12 @@ def _model(data: EdgeData, p: Array) -> tuple[Array, Array]:
     jacobian[:, E.OMEGA] = tau * (p[E.SINE] * cosine - p[E.COSINE] * sine)
     jacobian[:, E.DECAY] = -tau * wave
     jacobian[:, E.COSINE], jacobian[:, E.SINE], jacobian[:, E.OFFSET] = cosine, sine, 1.0
+    rubbed = ringing.half_turns(data.times_s, float(p[E.TIME]))
+    jacobian[:, E.FRICTION] = rubbed
     into = data.way * (data.times_s - p[E.TIME])
     touched = into > -2e-6
     extra = _contact(data, p, ringing, data.times_s[touched])
-    predicted = wave + p[E.OFFSET]
+    predicted = wave + p[E.OFFSET] + p[E.FRICTION] * rubbed
     predicted[touched] += extra[:, 0]
     jacobian[np.ix_(touched, _GROUND)] = (extra[:, 1:] - extra[:, :1]) / _STEP
     return (data.motion_m_s2 - predicted) / data.noise_m_s2, jacobian / data.noise_m_s2
@@ -173,7 +175,7 @@ def _added(data: EdgeData, ringing: Ringing, grounds: Array, times_s: Array) -> 
 
 
 def starts(data: EdgeData, edges_s: Array, stiff_logs: tuple[float, ...], most: int) -> list[Array]:
-    """The most promising starts (10,) for the fit: edges and stiffnesses tried on the ringing as it is."""
+    """The most promising starts (11,) for the fit: edges and stiffnesses tried on the ringing as it is."""
     p = data.prior_mean
     grounds = np.array(
         [(edge, stiff, 0.0, p[E.YIELD], p[E.SOFT]) for edge in edges_s for stiff in stiff_logs]
@@ -182,6 +184,7 @@ def starts(data: EdgeData, edges_s: Array, stiff_logs: tuple[float, ...], most: 
     outer = data.way * (data.times_s - (edges_s.min() if data.way > 0.0 else edges_s.max())) > -1e-3
     times = data.times_s[outer]
     left = data.motion_m_s2[outer] - ringing.acceleration_m_s2(times) - p[E.OFFSET]
+    left = left - p[E.FRICTION] * ringing.half_turns(times, float(p[E.TIME]))
     with np.errstate(all="ignore"):
         added = _added(data, ringing, grounds, times)
         misses = (left[:, None] - added) ** 2 / (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,19 +22,25 @@ _STRANGE_SIGMAS = 6.0
 _INTO_S = {(False, False): 0.0045, (False, True): 0.001, (True, False): 0.0025, (True, True): 0.0015}
 _EDGE_STD_S = 4e-3  # how far the search may have missed the edge
 _SPEED_STD = (0.015, 0.01)  # of the foot: share of its own ringing, and [m/s]
-_HARD_LOG_STD = 0.5  # of the logarithm of a hard ground's stiffness
+_HARD_LOG_STD = 0.25  # of the logarithm of a hard ground's stiffness
 _YIELD_LOG_STD = 0.5
+_SAME_GROUND_LOG_STD = 0.4  # of the ground's figures from take-off to touchdown
+_FRICTION_STD_M_S2 = 1.0
+_SPARSE_S = 1.1e-3  # between samples: more than one fit may explain so few
 # Stretch of contact that is modelled, beyond the strange sample; on steel the foot has bounced before.
 _INTO_S = {(False, False): 0.0035, (False, True): 0.001, (True, False): 0.0025, (True, True): 0.0015}
 # Edges that are tried, from the strange sample towards the flight: last one and their distance.
 _TRIED_S = {False: (7e-3, 3.5e-4), True: (1.5e-3, 2e-4)}
-_STIFF_LOGS = {False: (12.0, 13.2, 14.4), True: (15.8, 17.0)}
+_STIFF_LOGS = (12.0, 13.2, 14.4)
 _GOOD_CHI = 1.5  # misfit in contact of a fit that needs no other start
 _MOST_STARTS = 3
 _EDGE_STD_S = 4e-3  # how far the search may have missed the edge
 _SPEED_STD = (0.015, 0.01)  # of the foot: share of its own ringing, and [m/s]
-_HARD_LOG_STD = 0.5  # of the logarithm of a hard ground's stiffness
+_HARD_LOG_STD = 0.25  # of the logarithm of a hard ground's stiffness
 _YIELD_LOG_STD = 0.5
+_SAME_GROUND_LOG_STD = 0.4  # of the ground's figures from take-off to touchdown
+_FRICTION_STD_M_S2 = 1.0
+_SPARSE_S = 1.1e-3  # between samples: more than one fit may explain so few
 # Where the fit of an edge starts, from the strange sample: at take-off and touchdown, on soft and on hard ground.
 _STARTS_S = {
     (False, False): (8e-4,),
@@ -80,37 +86,63 @@ def look_at_end(scene: Scene, stretch: Stretch, way: float, omega_std: float) ->
     if int(inner.sum()) < 9:
         raise NoFlight("too few samples in flight")
     decay = (expected.decay_1_s, expected.decay_std)
-    local = fit_ringing(t[inner], y[inner], (expected.omega_rad_s, omega_std), decay, scene.noise_m_s2)
+    local = fit_ringing(
+        t[inner],
+        y[inner],
+        (expected.omega_rad_s, omega_std),
+        decay,
+        scene.noise_m_s2,
+        first if way == TAKE_OFF else last,
+    )
     allowed = _STRANGE_SIGMAS * max(scene.noise_m_s2, local.rms_m_s2)
     outside = np.flatnonzero(t < first)[::-1] if way == TAKE_OFF else np.flatnonzero(t > last)
     strange = np.abs(y[outside] - local.motion_m_s2(t[outside])) > allowed
     twice = strange[:-1] & strange[1:]
     if not twice.any():
-        raise NoFlight(
-            "the robot was not seen to leave the ground" if way == TAKE_OFF else "no impact after the flight"
-        )
+        raise NoFlight(_NOT_SEEN[way])
     return EndOfFlight(way, local, (first, last), float(t[outside[int(np.argmax(twice))]]))
 
 
-def best_edge(scene: Scene, end: EndOfFlight, hard: bool, speed_m_s: float, speed_at_s: float) -> Edge | None:
-    """The best fit of this end on hard or on soft ground; None where none leads anywhere."""
-    data = _edge_data(scene, end, hard, speed_m_s, speed_at_s)
+def best_edge(
+    scene: Scene, end: EndOfFlight, hard: bool, speed_m_s: float, speed_at_s: float, other: Edge | None = None
+) -> Edge | None:
+    """The best fit of this end on hard or on soft ground; None where none leads anywhere.
+
+    `other`: the end already fitted, on the same ground. Where several fits explain the samples about as well,
+    the edge's variance is that of all of them.
+    """
+    data = _edge_data(scene, end, hard, speed_m_s, speed_at_s, other)
     touchdown = end.way != TAKE_OFF
     last_s, apart_s = _TRIED_S[touchdown]
-    last_s += 1.2 * float(np.median(np.diff(scene.times_s)))
-    tried = end.strange_s - end.way * np.arange(-2e-4, last_s, apart_s)
-    edges = []
-    for start in starts(data, tried, _STIFF_LOGS[hard], _MOST_STARTS):
+    step_s = float(np.median(np.diff(scene.times_s)))
+    tried = end.strange_s - end.way * np.arange(-2e-4, last_s + 1.2 * step_s, apart_s)
+    known = float(data.prior_mean[E.STIFF])
+    logs = (known - 0.4, known, known + 0.4) if hard or other else _STIFF_LOGS
+    good = _GOOD_CHI if hard is touchdown or step_s < _SPARSE_S else 0.0  # last touches on steel look alike
+    edges: list[Edge] = []
+    for start in starts(data, tried, logs, _MOST_STARTS):
         try:
             edges.append(fit_edge(data, start, scene.heartbeat))
         except (ValueError, np.linalg.LinAlgError):  # this start leads nowhere; another may
             continue
-        if edges[-1].misfits()[1] < _GOOD_CHI:
+        if edges[-1].misfits()[1] < good:
             break
-    return min(edges, key=lambda edge: edge.cost, default=None)
+    return _mixed(edges) if edges else None
 
 
-def _edge_data(scene: Scene, end: EndOfFlight, hard: bool, speed_m_s: float, speed_at_s: float) -> EdgeData:
+def _mixed(edges: list[Edge]) -> Edge:
+    """The best of several fits, its variance widened by the others as far as they are as likely."""
+    best = min(edges, key=lambda edge: edge.cost)
+    weights = [math.exp(-0.5 * (edge.cost - best.cost)) for edge in edges]
+    square = sum(w * (edge.time_s - best.time_s) ** 2 for w, edge in zip(weights, edges, strict=True))
+    covariance = best.covariance.copy()
+    covariance[E.TIME, E.TIME] += square / sum(weights)
+    return replace(best, covariance=covariance)
+
+
+def _edge_data(
+    scene: Scene, end: EndOfFlight, hard: bool, speed_m_s: float, speed_at_s: float, other: Edge | None
+) -> EdgeData:
     touchdown = end.way != TAKE_OFF
     t, expected, ground = scene.times_s, scene.expected, scene.ground
     edge_s = end.strange_s
@@ -134,7 +166,12 @@ def _edge_data(scene: Scene, end: EndOfFlight, hard: bool, speed_m_s: float, spe
         E.COSINE: (local.cosine_m_s2, free),
         E.SINE: (local.sine_m_s2, free),
         E.OFFSET: (end.local.level_m_s2, _LEVEL_STD_M_S2),
+        E.FRICTION: (end.local.friction_m_s2, _FRICTION_STD_M_S2 if end.local.friction_m_s2 else 1e-9),
     }
+    if other is not None:  # the foot comes back to the ground that it has pressed
+        for name in (E.STIFF, E.SOFT):
+            sigma = math.sqrt(other.covariance[name, name])
+            prior[name] = (float(other.parameters[name]), math.hypot(_SAME_GROUND_LOG_STD, sigma))
     table = np.array([prior[name] for name in E], dtype=np.float64)
     return EdgeData(
         t[chosen],

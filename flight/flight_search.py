@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ _SEARCH_S = 0.1  # after the push the foot leaves the ground for good within thi
 _SIGMAS, _AMPLITUDE_SHARE, _GRAVITY_SHARE = 8.0, 0.03, 0.05  # what a window in flight may leave unexplained
 _FIRST_AMPLITUDE_SHARE = 0.015
 _NOT_FALLING, _SIGMAS_OF_LEVEL, _LEVEL_SHARE = 0.4, 4.0, 0.1  # mean of a window that is no free fall
+_NOISY, _LEAST_FOR_FRICTION = 1.4, 16  # misfit of a free ringing, in noise sigmas; samples
+_TURNS = 4  # of Gauss-Newton
 _MAYBE = 2.0  # how much worse a few windows within a flight may fit
 
 
@@ -211,48 +213,83 @@ def _first_run(falling: NDArray[np.bool_], least: int, begin: int, step_s: float
 
 @dataclass(frozen=True)
 class LocalRinging:
-    """A ringing fitted to a part of the flight: about which level, and what it leaves unexplained."""
+    """A ringing fitted to a part of the flight: about which level, what rubs, and what is left unexplained.
+
+    `friction_m_s2`: dry friction over the body's mass, at work on the half turns away from `from_s`.
+    """
 
     ringing: Ringing
     level_m_s2: float
     rms_m_s2: float
+    from_s: float
+    friction_m_s2: float = 0.0
 
     def motion_m_s2(self, times_s: Array) -> Array:
         """The ringing, went it on, at any times (n,)."""
-        return np.asarray(self.ringing.acceleration_m_s2(times_s) + self.level_m_s2, dtype=np.float64)
+        rubbed = (
+            self.friction_m_s2 * self.ringing.half_turns(times_s, self.from_s) if self.friction_m_s2 else 0.0
+        )
+        return np.asarray(
+            self.ringing.acceleration_m_s2(times_s) + self.level_m_s2 + rubbed, dtype=np.float64
+        )
 
 
 def fit_ringing(
-    times_s: Array, motion: Array, omega: tuple[float, float], decay: tuple[float, float], noise_m_s2: float
+    times_s: Array,
+    motion: Array,
+    omega: tuple[float, float],
+    decay: tuple[float, float],
+    noise_m_s2: float,
+    from_s: float,
 ) -> LocalRinging:
-    """Ringing over a stretch of flight (n,); frequency and decay with their priors (mean, std).
+    """Ringing over a stretch of flight (n,) that ends at `from_s`; frequency and decay with their priors (mean, std).
 
-    Gauss-Newton in frequency and decay, the rest being linear.
+    Dry friction is taken to be there where a free ringing leaves more than the noise.
     """
+    free = _ringing(times_s, motion, omega, decay, noise_m_s2, None)
+    if free.rms_m_s2 < _NOISY * noise_m_s2 or times_s.size < _LEAST_FOR_FRICTION:
+        return replace(free, from_s=from_s)
+    rubbing = _ringing(times_s, motion, omega, decay, noise_m_s2, from_s)
+    return rubbing if rubbing.rms_m_s2 < 0.9 * free.rms_m_s2 else replace(free, from_s=from_s)
+
+
+def _ringing(
+    times_s: Array,
+    motion: Array,
+    omega: tuple[float, float],
+    decay: tuple[float, float],
+    noise_m_s2: float,
+    from_s: float | None,
+) -> LocalRinging:
+    """Gauss-Newton in frequency and decay, the rest being linear; with friction where `from_s` is given."""
     middle = float(0.5 * (times_s[0] + times_s[-1]))
     tau = times_s - middle
-    pole = np.array((omega[0], decay[0]))
+    mean = np.array((omega[0], decay[0]))
     weight = noise_m_s2 / np.array((omega[1], decay[1]))
-    amplitudes, left = np.zeros(3), motion
-    for _ in range(4):
+    pole = mean.copy()
+    amplitudes, left = np.zeros(4), motion
+    ringing = Ringing(middle, omega[0], decay[0], 0.0, 0.0)
+    for step in range(_TURNS + 1):
         fade = np.exp(-pole[1] * tau)
         cosine, sine = fade * np.cos(pole[0] * tau), fade * np.sin(pole[0] * tau)
-        if not amplitudes.any():
-            amplitudes = np.linalg.lstsq(
+        if step == 0:
+            amplitudes[:3] = np.linalg.lstsq(
                 np.column_stack((cosine, sine, np.ones_like(tau))), motion, rcond=None
             )[0]
         wave = amplitudes[0] * cosine + amplitudes[1] * sine
-        left = motion - wave - amplitudes[2]
+        ringing = Ringing(middle, float(pole[0]), float(pole[1]), float(amplitudes[0]), float(amplitudes[1]))
+        rubbed = np.zeros_like(tau) if from_s is None else ringing.half_turns(times_s, from_s)
+        left = motion - wave - amplitudes[2] - amplitudes[3] * rubbed
+        if step == _TURNS:
+            break
         turned = amplitudes[1] * cosine - amplitudes[0] * sine
-        columns = np.column_stack((tau * turned, -tau * wave, cosine, sine, np.ones_like(tau)))
+        columns = np.column_stack((tau * turned, -tau * wave, cosine, sine, np.ones_like(tau), rubbed))
         normal = columns.T @ columns
-        normal[[0, 1], [0, 1]] += weight**2
+        normal[[0, 1, 5], [0, 1, 5]] += (*weight**2, 1e-6)
         gradient = columns.T @ left
-        gradient[:2] -= weight**2 * (pole - np.array((omega[0], decay[0])))
+        gradient[:2] -= weight**2 * (pole - mean)
         scale = np.sqrt(np.diag(normal))
         move = np.linalg.solve(normal / np.outer(scale, scale), gradient / scale) / scale
         pole, amplitudes = pole + move[:2], amplitudes + move[2:]
-    ringing = Ringing(middle, float(pole[0]), float(pole[1]), float(amplitudes[0]), float(amplitudes[1]))
-    again = motion - ringing.acceleration_m_s2(times_s) - amplitudes[2]
-    rms = math.sqrt(float(np.sum(again**2)) / max(tau.size - 5, 1))
-    return LocalRinging(ringing, float(amplitudes[2]), rms)
+    rms = math.sqrt(float(np.sum(left**2)) / max(tau.size - 5, 1))
+    return LocalRinging(ringing, float(amplitudes[2]), rms, from_s or 0.0, float(amplitudes[3]))

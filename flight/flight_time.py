@@ -221,12 +221,13 @@ class _Estimate:
         """Both ends on the ground, soft or hard, that explains them best."""
         best: tuple[float, tuple[Edge, Edge], bool] | None = None
         for hard in (False, True):
-            pair = [best_edge(scene, end, hard, speed, at_s) for end in (touchdown, take_off)]
-            if pair[0] is None or pair[1] is None:
+            left = best_edge(scene, take_off, hard, speed, at_s)
+            back = best_edge(scene, touchdown, hard, speed, at_s, left)
+            if left is None or back is None:
                 continue
-            cost = pair[0].cost / pair[0].residuals.size + pair[1].cost / pair[1].residuals.size
+            cost = left.cost / left.residuals.size + back.cost / back.residuals.size
             if best is None or cost < best[0]:
-                best = (cost, (pair[1], pair[0]), hard)
+                best = (cost, (left, back), hard)
             if max(edge.misfits()[1] for edge in best[1]) < 1.5:
                 break
         if best is None:

@@ -6,6 +6,7 @@ delta'' + 2 lambda delta' + omega_0^2 delta = 0 with omega_0^2 = k (1/m_b + 1/m_
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,6 +56,19 @@ class Ringing:
         wave = self.cosine_m_s2 * np.cos(self.omega_rad_s * tau)
         wave += self.sine_m_s2 * np.sin(self.omega_rad_s * tau)
         return np.asarray(np.exp(-self.decay_1_s * tau) * wave, dtype=np.float64)
+
+    def half_turns(self, times_s: Array, from_s: float) -> Array:
+        """Wave (n,) that one unit of dry friction over the body's mass adds away from `from_s`.
+
+        Friction in the spring's guide turns round with the spring's speed, where the acceleration is at its
+        extreme: there the amplitude falls by twice the friction, and between it rings as before.
+        """
+        phase = self.omega_rad_s * (times_s - self.reference_s) + math.atan2(
+            -self.sine_m_s2, self.cosine_m_s2
+        )
+        start = self.omega_rad_s * (from_s - self.reference_s) + math.atan2(-self.sine_m_s2, self.cosine_m_s2)
+        turns = np.floor(phase / math.pi) - math.floor(start / math.pi)
+        return np.asarray(-2.0 * turns * np.cos(phase), dtype=np.float64)
 
     def compression(self, time_s: float, robot: TwoMass) -> tuple[float, float]:
         """Spring compression delta [m] and its rate [m/s] at a time: delta = -(M/m_l) a/p^2 in phasors."""
