@@ -284,6 +284,34 @@ def _fly(case: HopCase, rng: np.random.Generator) -> SimulatedHop | None:
     return SimulatedHop(case, truth, settings, sensed, int(kept.sum()), plant, force_s[kept], force[kept])
 
 
+def nominal_signal(
+    rig: str, body: str, foot: str, surface: str, compression_m: float
+) -> tuple[Float, Float, float, float]:
+    """The nominal hop without noise: times and motion (n,) of the body along the leg, take-off and touchdown [s].
+
+    An arm's sensor is taken to sit on the vertical line. Where the nominal hop does not fly, its ends are NaN.
+    """
+    settings = _settings_of(rig, body, foot, 1666.0)
+    values = {
+        "m_b": settings.rig.body_mass_kg,
+        "m_l": settings.rig.leg_mass_kg,
+        "g": settings.rig.gravity_m_s2,
+    }
+    plant = _nominal_plant(_FILES["bb0b" if rig == "bb0b_arm" else rig]).with_values(values)
+    times: Float = np.arange(0.0, _longest_s(plant, compression_m), LOOK_S)
+    compiled = compile_plant(plant, extra={name: Name(name) for name in SYMBOLS})
+    run = Run(
+        times,
+        events={"fire_command": 0.0},
+        known={"spring_compression_m": compression_m},
+        conditions={"surface": surface},
+    )
+    seen = dict(zip(compiled.output_names, compiled.run(compiled.values, run).T, strict=True))
+    truth = _truth(plant, surface, times, seen)
+    ends = (math.nan, math.nan) if truth is None else (truth.take_off_s, truth.touchdown_s)
+    return times, seen["body_acceleration_m_s2"], *ends
+
+
 def _longest_s(plant: Plant, compression_m: float) -> float:
     value = {name: parameter.value for name, parameter in plant.parameters.items()}
     weight_n = (value["m_b"] + value["m_l"]) * value["g"]

@@ -19,7 +19,10 @@ COVERED_SIGMAS = 1.959964
 
 @dataclass(frozen=True)
 class Answer:
-    """Times in s, energy in J; NaN where the estimator gave none. Sigma NaN where it states none."""
+    """Times in s, energy in J; NaN where the estimator gave none. Sigma NaN where it states none.
+
+    `flagged`: accepted, but told to be doubtful.
+    """
 
     accepted: bool
     flight_s: float = math.nan
@@ -27,6 +30,7 @@ class Answer:
     energy_j: float = math.nan
     energy_sigma_j: float = math.nan
     reason: str = ""
+    flagged: bool = False
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,9 @@ def flown(hop: SimulatedHop) -> tuple[Answer, float]:
     if verdict == "rejected" or seen.potential_j is None or seen.time_of_flight_s is None:
         return Answer(False, reason=reason), cost_s
     flight, energy = seen.time_of_flight_s, seen.potential_j
-    return Answer(True, flight.value, flight.sigma, energy.value, energy.sigma, reason), cost_s
+    return Answer(
+        True, flight.value, flight.sigma, energy.value, energy.sigma, reason, verdict != "valid"
+    ), cost_s
 
 
 def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
@@ -89,7 +95,7 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
     flight = np.array([o.flight_error_ms for o in accepted])
     energy = np.array([o.energy_error_percent for o in accepted])
     sigmas = np.array([(o.flight_sigmas, o.energy_sigmas) for o in accepted])
-    wrong = np.max(sigmas, axis=1) > WRONG_SIGMAS
+    wrong = (np.max(sigmas, axis=1) > WRONG_SIGMAS) & ~np.array([o.answer.flagged for o in accepted])
     found = {
         "accepted_percent": 100.0 * len(accepted) / len(outcomes),
         "tof_rms_ms": float(np.sqrt(np.mean(flight**2))),

@@ -9,6 +9,7 @@ through spring and damper only, (m_l/M)(omega_0^2 delta + 2 lambda delta'). On h
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,11 +35,11 @@ class Ground:
 
     def push_m_s2(self, depth_m: Array, deepest_m: Array) -> Array:
         """Force over leg mass at a depth (n,); none where the foot is above the ground."""
-        force = self.stiff_1_s2 * deepest_m
+        between = (self.stiff_1_s2 - self.soft_1_s2) * deepest_m
         if self.leaving:
-            return np.maximum(force - self.soft_1_s2 * (deepest_m - depth_m), 0.0)
-        more = self.yield_m_s2 + (force - self.yield_m_s2) * (self.soft_1_s2 / self.stiff_1_s2)
-        return np.maximum(np.minimum(force, more) - self.stiff_1_s2 * (deepest_m - depth_m), 0.0)
+            return np.maximum(between + self.soft_1_s2 * depth_m, 0.0)
+        given = np.maximum(between - self.yield_m_s2 * (1.0 - self.soft_1_s2 / self.stiff_1_s2), 0.0)
+        return np.maximum(self.stiff_1_s2 * depth_m - given, 0.0)
 
 
 def felt_by_body(
@@ -52,26 +53,36 @@ def felt_by_body(
     """Extra acceleration of the body (steps, n) [m/s^2] at multiples of `step_s` into the contact.
 
     `free_depth_m` (steps, n): how deep the foot would be without ground. `damping_1_s` is 2 lambda, negative where
-    the steps run backwards in time. Velocity Verlet with the damping of the half step.
+    the steps run backwards in time. Spring and centre of mass move exactly between the steps; at each step
+    the ground's push gives its impulse.
     """
     steps, columns = free_depth_m.shape
-    spring = np.zeros(columns)  # extra delta
-    rate = np.zeros(columns)
-    com = np.zeros(columns)
-    com_rate = np.zeros(columns)
+    move = _free_step(step_s, stiffness_1_s2, damping_1_s)
+    impulse = step_s * np.array((0.0, 1.0, 0.0, leg_share))[:, None]
+    # State: extra delta, its rate, extra height of the centre of mass, its rate; foot = com + (m_b/M) delta.
+    foot = np.array((1.0 - leg_share, 0.0, 1.0, 0.0))
+    state = np.zeros((4, columns))
+    states, pushes = np.zeros((steps, 2, columns)), np.zeros((steps, columns))
     deepest = np.maximum(free_depth_m[0], 0.0)
-    push = ground.push_m_s2(free_depth_m[0], deepest)
-    felt = np.zeros((steps, columns))
-    half, body_share = 0.5 * step_s, 1.0 - leg_share
-    for index in range(1, steps):
-        rate += half * (push - stiffness_1_s2 * spring - damping_1_s * rate)
-        com_rate += (half * leg_share) * push
-        spring += step_s * rate
-        com += step_s * com_rate
-        depth = free_depth_m[index] - com - body_share * spring
-        deepest = np.maximum(deepest, depth)
+    for index in range(steps):
+        depth = free_depth_m[index] - foot @ state
+        np.maximum(deepest, depth, out=deepest)
         push = ground.push_m_s2(depth, deepest)
-        rate += half * (push - stiffness_1_s2 * spring - damping_1_s * rate)
-        com_rate += (half * leg_share) * push
-        felt[index] = stiffness_1_s2 * spring + damping_1_s * rate
-    return leg_share * felt
+        states[index], pushes[index] = state[:2], push
+        state = move @ (state + impulse * push)
+    # Halfway through the impulse.
+    rate = states[:, 1] + 0.5 * step_s * pushes
+    return np.asarray(leg_share * (stiffness_1_s2 * states[:, 0] + damping_1_s * rate), dtype=np.float64)
+
+
+def _free_step(step_s: float, stiffness_1_s2: float, damping_1_s: float) -> Array:
+    """One step (4, 4) of the damped spring and of uniform motion."""
+    half = 0.5 * damping_1_s
+    omega = math.sqrt(max(stiffness_1_s2 - half**2, 1e-12))
+    fade, cosine, sine = math.exp(-half * step_s), math.cos(omega * step_s), math.sin(omega * step_s) / omega
+    step = np.eye(4)
+    step[:2, :2] = fade * np.array(
+        ((cosine + half * sine, sine), (-stiffness_1_s2 * sine, cosine - half * sine))
+    )
+    step[2, 3] = step_s
+    return step

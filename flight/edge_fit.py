@@ -16,10 +16,10 @@ from flight.ringing import Ringing, TwoMass
 Array = NDArray[np.float64]
 
 TAKE_OFF, TOUCHDOWN = -1.0, 1.0  # into the contact, time runs this way
-_MAX_STEPS = 30
+_MAX_STEPS = 20
 _SOFT_STEP_S, _HARD_STEP_S = 1e-4, 5e-5  # of the contact: a fifth of a radian of its oscillation
-_ROUGH = 0.1  # share of what the ground adds that a start may miss
-_APART_S = 5e-4  # of two starts
+_ROUGH = (0.1, 0.03)  # share of what soft and hard ground adds that a start may miss
+_APART_S = 4e-4  # of two starts
 
 
 class E(IntEnum):
@@ -174,21 +174,25 @@ def _added(data: EdgeData, ringing: Ringing, grounds: Array, times_s: Array) -> 
     return np.column_stack([np.interp(into[:, i], tau, felt[:, i], left=0.0) for i in range(len(grounds))])
 
 
-def starts(data: EdgeData, edges_s: Array, stiff_logs: tuple[float, ...], most: int) -> list[Array]:
-    """The most promising starts (11,) for the fit: edges and stiffnesses tried on the ringing as it is."""
+def starts(
+    data: EdgeData, edges_s: Array, stiff_logs: tuple[float, ...], speeds: tuple[float, ...], most: int
+) -> list[Array]:
+    """The most promising starts (11,) for the fit: all edges, stiffnesses and foot speeds (in sigmas) are tried."""
     p = data.prior_mean
-    grounds = np.array(
-        [(edge, stiff, 0.0, p[E.YIELD], p[E.SOFT]) for edge in edges_s for stiff in stiff_logs]
+    grid = np.array(
+        [(e, k, v * data.prior_std[E.SPEED]) for e in edges_s for k in stiff_logs for v in speeds]
     )
+    grounds = np.column_stack((grid, np.tile(p[[E.YIELD, E.SOFT]], (len(grid), 1))))
     ringing = ringing_of(p, data)
     outer = data.way * (data.times_s - (edges_s.min() if data.way > 0.0 else edges_s.max())) > -1e-3
     times = data.times_s[outer]
     left = data.motion_m_s2[outer] - ringing.acceleration_m_s2(times) - p[E.OFFSET]
     left = left - p[E.FRICTION] * ringing.half_turns(times, float(p[E.TIME]))
+    rough = _ROUGH[data.hard]
     with np.errstate(all="ignore"):
         added = _added(data, ringing, grounds, times)
         misses = (left[:, None] - added) ** 2 / (
-            data.noise_m_s2**2 + (_ROUGH * added) ** 2 + (_ROUGH * left[:, None]) ** 2
+            data.noise_m_s2**2 + (rough * added) ** 2 + (rough * left[:, None]) ** 2
         )
     order = np.argsort(np.nan_to_num(misses.sum(axis=0), nan=np.inf))
     found: list[Array] = []

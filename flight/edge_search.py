@@ -26,14 +26,17 @@ _HARD_LOG_STD = 0.25  # of the logarithm of a hard ground's stiffness
 _YIELD_LOG_STD = 0.5
 _SAME_GROUND_LOG_STD = 0.4  # of the ground's figures from take-off to touchdown
 _FRICTION_STD_M_S2 = 1.0
+_TEMPER = 3.0  # by which a cost counts less: the models are not all of the truth
 _SPARSE_S = 1.1e-3  # between samples: more than one fit may explain so few
 # Stretch of contact that is modelled, beyond the strange sample; on steel the foot has bounced before.
 _INTO_S = {(False, False): 0.0035, (False, True): 0.001, (True, False): 0.0025, (True, True): 0.0015}
 # Edges that are tried, from the strange sample towards the flight: last one and their distance.
 _TRIED_S = {False: (7e-3, 3.5e-4), True: (1.5e-3, 2e-4)}
+_TRIED_ON_STEEL_S = 1.2e-4  # where the foot bounces, its last touch is a blow
 _STIFF_LOGS = (12.0, 13.2, 14.4)
 _GOOD_CHI = 1.5  # misfit in contact of a fit that needs no other start
-_MOST_STARTS = 3
+_SPEEDS = (-1.6, -0.8, 0.0, 0.8, 1.6)  # of the foot, in sigmas, that are tried where it has bounced
+_MOST_STARTS = (3, 4)  # on steel a foot that leaves has touched several times
 _EDGE_STD_S = 4e-3  # how far the search may have missed the edge
 _SPEED_STD = (0.015, 0.01)  # of the foot: share of its own ringing, and [m/s]
 _HARD_LOG_STD = 0.25  # of the logarithm of a hard ground's stiffness
@@ -94,7 +97,7 @@ def look_at_end(scene: Scene, stretch: Stretch, way: float, omega_std: float) ->
         scene.noise_m_s2,
         first if way == TAKE_OFF else last,
     )
-    allowed = _STRANGE_SIGMAS * max(scene.noise_m_s2, local.rms_m_s2)
+    allowed = _STRANGE_SIGMAS * max(scene.noise_m_s2, local.rms_m_s2) + abs(local.friction_m_s2)
     outside = np.flatnonzero(t < first)[::-1] if way == TAKE_OFF else np.flatnonzero(t > last)
     strange = np.abs(y[outside] - local.motion_m_s2(t[outside])) > allowed
     twice = strange[:-1] & strange[1:]
@@ -113,30 +116,33 @@ def best_edge(
     """
     data = _edge_data(scene, end, hard, speed_m_s, speed_at_s, other)
     touchdown = end.way != TAKE_OFF
+    bounced = hard and not touchdown
     last_s, apart_s = _TRIED_S[touchdown]
+    apart_s = _TRIED_ON_STEEL_S if bounced else apart_s
     step_s = float(np.median(np.diff(scene.times_s)))
     tried = end.strange_s - end.way * np.arange(-2e-4, last_s + 1.2 * step_s, apart_s)
     known = float(data.prior_mean[E.STIFF])
-    logs = (known - 0.4, known, known + 0.4) if hard or other else _STIFF_LOGS
+    logs = (known,) if bounced else (known - 0.4, known, known + 0.4) if hard or other else _STIFF_LOGS
     good = _GOOD_CHI if hard is touchdown or step_s < _SPARSE_S else 0.0  # last touches on steel look alike
     edges: list[Edge] = []
-    for start in starts(data, tried, logs, _MOST_STARTS):
+    speeds = _SPEEDS if bounced else (0.0,)
+    for start in starts(data, tried, logs, speeds, _MOST_STARTS[bounced]):
         try:
             edges.append(fit_edge(data, start, scene.heartbeat))
         except (ValueError, np.linalg.LinAlgError):  # this start leads nowhere; another may
             continue
         if edges[-1].misfits()[1] < good:
             break
-    return _mixed(edges) if edges else None
+    return mixed(edges, [edge.cost for edge in edges]) if edges else None
 
 
-def _mixed(edges: list[Edge]) -> Edge:
+def mixed(edges: list[Edge], costs: list[float]) -> Edge:
     """The best of several fits, its variance widened by the others as far as they are as likely."""
-    best = min(edges, key=lambda edge: edge.cost)
-    weights = [math.exp(-0.5 * (edge.cost - best.cost)) for edge in edges]
-    square = sum(w * (edge.time_s - best.time_s) ** 2 for w, edge in zip(weights, edges, strict=True))
+    best = edges[int(np.argmin(costs))]
+    weights = np.exp(-0.5 / _TEMPER * (np.array(costs) - min(costs)))
+    squares = (np.array([edge.time_s for edge in edges]) - best.time_s) ** 2
     covariance = best.covariance.copy()
-    covariance[E.TIME, E.TIME] += square / sum(weights)
+    covariance[E.TIME, E.TIME] += float(weights @ squares) / float(weights.sum())
     return replace(best, covariance=covariance)
 
 

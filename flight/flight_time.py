@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flight.ballistics import FreeFall, Level, flight_level
 from flight.edge_fit import TAKE_OFF, TOUCHDOWN, E, Edge
-from flight.edge_search import EndOfFlight, Scene, best_edge, look_at_end
+from flight.edge_search import EndOfFlight, Scene, best_edge, look_at_end, mixed
 from flight.flight_search import Expectation, NoFlight, Stretch, find_flight
 from flight.heartbeat import Heartbeat, Stalled
 from flight.record import HopRecord
@@ -29,6 +29,9 @@ _REST_S = 0.5  # before the fire command, over which the sensor's rest is averag
 _MOST_NOISE = 10.0  # over the data sheet's, of a robot that stands still
 _GAP_STEPS = 8.0  # a gap this many samples long hides what happens in it
 _EDGE_S = 0.004  # around an edge, in which a gap counts
+_RUBBING_M_S2 = 0.02  # dry friction over the body's mass that is told
+_EXPLAINED_CHI = 1.5  # misfit in contact that needs no other ground
+_SOIL_LOG = 14.4  # log of stiffness over leg mass [1/s^2] beyond which steel is looked at too
 _DEGRADED_CHI = 3.0
 _REJECTED_CHI = 60.0
 _REJECTED_BIAS = 0.1  # share of gravity by which the flight may read other than the weight taken away
@@ -218,21 +221,31 @@ class _Estimate:
     def _edges(
         self, scene: Scene, take_off: EndOfFlight, touchdown: EndOfFlight, speed: float, at_s: float
     ) -> tuple[tuple[Edge, Edge], bool]:
-        """Both ends on the ground, soft or hard, that explains them best."""
-        best: tuple[float, tuple[Edge, Edge], bool] | None = None
+        """Both ends on the ground, soft or hard, that explains them best.
+
+        Where the other ground explains them nearly as well, the variances are those of both.
+        """
+        found: list[tuple[float, Edge, Edge, bool]] = []
         for hard in (False, True):
             left = best_edge(scene, take_off, hard, speed, at_s)
             back = best_edge(scene, touchdown, hard, speed, at_s, left)
             if left is None or back is None:
                 continue
+            # The hard ground's fits leave out what the foot did before its last touch.
             cost = left.cost / left.residuals.size + back.cost / back.residuals.size
-            if best is None or cost < best[0]:
-                best = (cost, (left, back), hard)
-            if max(edge.misfits()[1] for edge in best[1]) < 1.5:
+            found.append((cost * 0.5 * (left.residuals.size + back.residuals.size), left, back, hard))
+            if (
+                max(left.misfits()[1], back.misfits()[1]) < _EXPLAINED_CHI
+                and left.parameters[E.STIFF] < _SOIL_LOG
+            ):
                 break
-        if best is None:
+        if not found:
             raise NoFlight("no contact model explains the ends of the flight")
-        return best[1], best[2]
+        found.sort(key=lambda entry: entry[0])
+        costs = [entry[0] for entry in found]
+        left = mixed([entry[1] for entry in found], costs)
+        back = mixed([entry[2] for entry in found], costs)
+        return (left, back), found[0][3]
 
     def _judge(self, fit: FlightFit, hard: bool) -> FlightTime:
         edges = (fit.take_off, fit.touchdown)
@@ -244,7 +257,8 @@ class _Estimate:
         sigmas = []
         for edge, floor_s in zip(edges, floors, strict=True):
             growth = max(1.0, *edge.misfits())  # a misfit says that the model misses something
-            sigmas.append(math.hypot(growth * math.sqrt(edge.covariance[E.TIME, E.TIME]), floor_s))
+            rubbing_s = evaluation.friction_error_s3_m * abs(float(edge.parameters[E.FRICTION]))
+            sigmas.append(math.hypot(growth * math.sqrt(edge.covariance[E.TIME, E.TIME]), floor_s, rubbing_s))
         sigmas[1] = math.hypot(sigmas[1], self.record.rate_sigma * (edges[1].time_s - edges[0].time_s))
         ends = [edge.ringing.compression(edge.time_s, fit.robot) for edge in edges]
         offset = fit.level.value_m_s2 * self.gain + self.static - self.gravity * self.gain
@@ -284,6 +298,11 @@ class _Estimate:
             return "rejected"
         if self._gap_in(-0.02, fit.touchdown.time_s):
             self.reasons.append("a gap in the accelerometer's samples")
+        rubs = max(abs(float(edge.parameters[E.FRICTION])) for edge in (fit.take_off, fit.touchdown))
+        if rubs > _RUBBING_M_S2:
+            self.reasons.append(
+                f"dry friction of about {rubs * self.settings.rig.body_mass_kg:.1f} N in the spring's guide"
+            )
         if chi > _DEGRADED_CHI:
             self.reasons.append(f"the ringing is explained to {chi:.1f} sigma only")
         if sigma_s > _DEGRADED_SIGMA_S:

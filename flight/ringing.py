@@ -63,12 +63,19 @@ class Ringing:
         Friction in the spring's guide turns round with the spring's speed, where the acceleration is at its
         extreme: there the amplitude falls by twice the friction, and between it rings as before.
         """
-        phase = self.omega_rad_s * (times_s - self.reference_s) + math.atan2(
-            -self.sine_m_s2, self.cosine_m_s2
+        zero = math.atan2(-self.sine_m_s2, self.cosine_m_s2)
+        # The spring stands still a little after the acceleration's extreme: a = -(m_l/M) p (rate of delta).
+        late = math.atan2(self.decay_1_s, self.omega_rad_s)
+        phases = (
+            self.omega_rad_s * (np.array((times_s.min(), times_s.max())) - self.reference_s) + zero - late
         )
-        start = self.omega_rad_s * (from_s - self.reference_s) + math.atan2(-self.sine_m_s2, self.cosine_m_s2)
-        turns = np.floor(phase / math.pi) - math.floor(start / math.pi)
-        return np.asarray(-2.0 * turns * np.cos(phase), dtype=np.float64)
+        turns = np.arange(math.ceil(phases[0] / math.pi), math.floor(phases[1] / math.pi) + 1)
+        turn_s = self.reference_s + (turns * math.pi + late - zero) / self.omega_rad_s
+        away = times_s[:, None] - turn_s
+        passed = np.where(turn_s >= from_s, -2.0 * (away > 0.0), 2.0 * (away < 0.0))
+        share = np.sum(passed * np.exp(-self.decay_1_s * away), axis=1)
+        wave = np.cos(self.omega_rad_s * (times_s - self.reference_s) + zero)
+        return np.asarray(share * wave, dtype=np.float64)
 
     def compression(self, time_s: float, robot: TwoMass) -> tuple[float, float]:
         """Spring compression delta [m] and its rate [m/s] at a time: delta = -(M/m_l) a/p^2 in phasors."""

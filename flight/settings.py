@@ -50,6 +50,7 @@ class EvaluationSettings:
     push_error_share: Positive
     take_off_error_s: Positive
     touchdown_error_s: Positive
+    friction_error_s3_m: NotNegative
     reference_repeatability: Share
     ground: GroundSettings
 
