@@ -25,6 +25,7 @@ _SPEED_STD = (0.015, 0.01)  # of the foot: share of its own ringing, and [m/s]
 _HARD_LOG_STD = 0.25  # of the logarithm of a hard ground's stiffness
 _YIELD_LOG_STD = 0.5
 _SAME_GROUND_LOG_STD = 0.4  # of the ground's figures from take-off to touchdown
+_SAME_OMEGA, _SAME_DECAY_1_S = 2e-3, 0.3  # of the ringing: share of its frequency, and its decay
 _FRICTION_STD_M_S2 = 1.0
 _TEMPER = 3.0  # by which a cost counts less: the models are not all of the truth
 _SPARSE_S = 1.1e-3  # between samples: more than one fit may explain so few
@@ -42,6 +43,7 @@ _SPEED_STD = (0.015, 0.01)  # of the foot: share of its own ringing, and [m/s]
 _HARD_LOG_STD = 0.25  # of the logarithm of a hard ground's stiffness
 _YIELD_LOG_STD = 0.5
 _SAME_GROUND_LOG_STD = 0.4  # of the ground's figures from take-off to touchdown
+_SAME_OMEGA, _SAME_DECAY_1_S = 2e-3, 0.3  # of the ringing: share of its frequency, and its decay
 _FRICTION_STD_M_S2 = 1.0
 _SPARSE_S = 1.1e-3  # between samples: more than one fit may explain so few
 # Where the fit of an edge starts, from the strange sample: at take-off and touchdown, on soft and on hard ground.
@@ -168,7 +170,7 @@ def _edge_data(
         E.YIELD: (math.log(scene.load_n / leg_kg), _YIELD_LOG_STD),
         E.SOFT: (math.log(ground.loading_stiffness_n_m / leg_kg), ground.stiffness_log_std),
         E.OMEGA: (local.omega_rad_s, 0.02 * local.omega_rad_s),
-        E.DECAY: (local.decay_1_s, expected.decay_1_s),
+        E.DECAY: (expected.decay_1_s, expected.decay_std),
         E.COSINE: (local.cosine_m_s2, free),
         E.SINE: (local.sine_m_s2, free),
         E.OFFSET: (end.local.level_m_s2, _LEVEL_STD_M_S2),
@@ -178,6 +180,10 @@ def _edge_data(
         for name in (E.STIFF, E.SOFT):
             sigma = math.sqrt(other.covariance[name, name])
             prior[name] = (float(other.parameters[name]), math.hypot(_SAME_GROUND_LOG_STD, sigma))
+        # It is the same spring too, and after a long flight it rings no more that could tell.
+        for name, std in ((E.OMEGA, _SAME_OMEGA * local.omega_rad_s), (E.DECAY, _SAME_DECAY_1_S)):
+            sigma = math.sqrt(other.covariance[name, name])
+            prior[name] = (float(other.parameters[name]), math.hypot(std, sigma))
     table = np.array([prior[name] for name in E], dtype=np.float64)
     return EdgeData(
         t[chosen],
