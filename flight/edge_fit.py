@@ -72,6 +72,15 @@ class Edge:
     def ringing(self) -> Ringing:
         return ringing_of(self.parameters, self.data)
 
+    @property
+    def foot_speed_m_s(self) -> float:
+        """Upward speed of the foot where it leaves the ground, or downward where it comes back."""
+        data = self.data
+        com = data.speed_m_s - data.robot.gravity_m_s2 * (self.time_s - data.speed_at_s)
+        rate = self.ringing.compression(self.time_s, data.robot)[1]
+        foot = com + (1.0 - data.robot.leg_share) * rate
+        return -data.way * foot + float(self.parameters[E.SPEED])
+
     def misfits(self) -> tuple[float, float]:
         """Root mean square residual in noise sigmas: in flight, in contact."""
         contact = self.data.way * (self.data.times_s - self.time_s) > 0.0

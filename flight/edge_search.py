@@ -18,18 +18,8 @@ Array = NDArray[np.float64]
 _LOCAL_PERIODS = 1.5  # of the ringing that is fitted next to an edge
 _CLEAR_S = 0.005  # the windows of the search may reach so far into the contact
 _STRANGE_SIGMAS = 6.0
-# Stretch of contact that is modelled, from the strange sample; on steel the foot has bounced before.
-_INTO_S = {(False, False): 0.0045, (False, True): 0.001, (True, False): 0.0025, (True, True): 0.0015}
-_EDGE_STD_S = 4e-3  # how far the search may have missed the edge
-_SPEED_STD = (0.015, 0.01)  # of the foot: share of its own ringing, and [m/s]
-_HARD_LOG_STD = 0.25  # of the logarithm of a hard ground's stiffness
-_YIELD_LOG_STD = 0.5
-_SAME_GROUND_LOG_STD = 0.4  # of the ground's figures from take-off to touchdown
-_SAME_OMEGA, _SAME_DECAY_1_S = 2e-3, 0.3  # of the ringing: share of its frequency, and its decay
-_FRICTION_STD_M_S2 = 1.0
-_TEMPER = 3.0  # by which a cost counts less: the models are not all of the truth
-_SPARSE_S = 1.1e-3  # between samples: more than one fit may explain so few
-# Stretch of contact that is modelled, beyond the strange sample; on steel the foot has bounced before.
+# Stretch of contact that is modelled, beyond the strange sample: on soft and on hard ground; there the foot has
+# bounced before take-off.
 _INTO_S = {(False, False): 0.0035, (False, True): 0.001, (True, False): 0.0025, (True, True): 0.0015}
 # Edges that are tried, from the strange sample towards the flight: last one and their distance.
 _TRIED_S = {False: (7e-3, 3.5e-4), True: (1.5e-3, 2e-4)}
@@ -45,14 +35,8 @@ _YIELD_LOG_STD = 0.5
 _SAME_GROUND_LOG_STD = 0.4  # of the ground's figures from take-off to touchdown
 _SAME_OMEGA, _SAME_DECAY_1_S = 2e-3, 0.3  # of the ringing: share of its frequency, and its decay
 _FRICTION_STD_M_S2 = 1.0
+_TEMPER = 3.0  # of several fits on one ground
 _SPARSE_S = 1.1e-3  # between samples: more than one fit may explain so few
-# Where the fit of an edge starts, from the strange sample: at take-off and touchdown, on soft and on hard ground.
-_STARTS_S = {
-    (False, False): (8e-4,),
-    (False, True): (1e-4, 5e-4),
-    (True, False): (-1e-4, -7e-4),
-    (True, True): (-1e-4, -7e-4),
-}
 _LEVEL_STD_M_S2 = 0.05
 _NOT_SEEN = {TAKE_OFF: "the robot was not seen to leave the ground", TOUCHDOWN: "no impact after the flight"}
 
@@ -135,13 +119,16 @@ def best_edge(
             continue
         if edges[-1].misfits()[1] < good:
             break
-    return mixed(edges, [edge.cost for edge in edges]) if edges else None
+    return mixed(edges, [edge.cost for edge in edges], _TEMPER) if edges else None
 
 
-def mixed(edges: list[Edge], costs: list[float]) -> Edge:
-    """The best of several fits, its variance widened by the others as far as they are as likely."""
+def mixed(edges: list[Edge], costs: list[float], temper: float) -> Edge:
+    """The best of several fits, its variance widened by the others as far as they are as likely.
+
+    `temper`: by which costs count less, as the models are not all of the truth.
+    """
     best = edges[int(np.argmin(costs))]
-    weights = np.exp(-0.5 / _TEMPER * (np.array(costs) - min(costs)))
+    weights = np.exp(-0.5 / temper * (np.array(costs) - min(costs)))
     squares = (np.array([edge.time_s for edge in edges]) - best.time_s) ** 2
     covariance = best.covariance.copy()
     covariance[E.TIME, E.TIME] += float(weights @ squares) / float(weights.sum())

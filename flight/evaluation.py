@@ -47,14 +47,16 @@ def evaluate_hop(
     rig = RigConstants.of(settings.rig)
     compression_m = stored_compression(record, settings, hop_index)
     if compression_m is None:
-        reasons = (*flight.reasons, "no spring readings before the fire command")
-        return HopEnergies(replace(flight, verdict="rejected", reasons=reasons))
+        return HopEnergies(_rejected(flight, "no spring readings before the fire command"))
+    if not abs(compression_m.value) + compression_m.sigma < 2.0 * settings.max_compression_m:
+        return HopEnergies(
+            _rejected(flight, "the spring's readings before the fire command are no compression of it")
+        )
     used_j = energy.used_energy(compression_m, rig)
     try:
         analysis_j = energy.analysis_energy(compression_m, rig)
     except ValueError as error:
-        refused = replace(flight, verdict="rejected", reasons=(*flight.reasons, str(error)))
-        return HopEnergies(refused, compression_m, used_j)
+        return HopEnergies(_rejected(flight, str(error)), compression_m, used_j)
     seen = HopEnergies(flight, compression_m, used_j, analysis_j)
     if flight.verdict == "rejected":
         return seen

@@ -31,6 +31,8 @@ _GAP_STEPS = 8.0  # a gap this many samples long hides what happens in it
 _EDGE_S = 0.004  # around an edge, in which a gap counts
 _RUBBING_M_S2 = 0.02  # dry friction over the body's mass that is told
 _EXPLAINED_CHI = 1.5  # misfit in contact that needs no other ground
+_GROUNDS_TEMPER = 10.0  # by which the costs of soft and hard ground count less
+_GRAZE_M_S = 0.035  # speed of a foot that leaves hard ground hardly touching it: it may have left before
 _SOIL_LOG = 14.4  # log of stiffness over leg mass [1/s^2] beyond which steel is looked at too
 _DEGRADED_CHI = 3.0
 _REJECTED_CHI = 60.0
@@ -243,8 +245,8 @@ class _Estimate:
             raise NoFlight("no contact model explains the ends of the flight")
         found.sort(key=lambda entry: entry[0])
         costs = [entry[0] for entry in found]
-        left = mixed([entry[1] for entry in found], costs)
-        back = mixed([entry[2] for entry in found], costs)
+        left = mixed([entry[1] for entry in found], costs, _GROUNDS_TEMPER)
+        back = mixed([entry[2] for entry in found], costs, _GROUNDS_TEMPER)
         return (left, back), found[0][3]
 
     def _judge(self, fit: FlightFit, hard: bool) -> FlightTime:
@@ -259,6 +261,8 @@ class _Estimate:
             growth = max(1.0, *edge.misfits())  # a misfit says that the model misses something
             rubbing_s = evaluation.friction_error_s3_m * abs(float(edge.parameters[E.FRICTION]))
             sigmas.append(math.hypot(growth * math.sqrt(edge.covariance[E.TIME, E.TIME]), floor_s, rubbing_s))
+        if fit.take_off.parameters[E.STIFF] > _SOIL_LOG and fit.take_off.foot_speed_m_s < _GRAZE_M_S:
+            sigmas[0] = math.hypot(sigmas[0], evaluation.graze_error_s)
         sigmas[1] = math.hypot(sigmas[1], self.record.rate_sigma * (edges[1].time_s - edges[0].time_s))
         ends = [edge.ringing.compression(edge.time_s, fit.robot) for edge in edges]
         offset = fit.level.value_m_s2 * self.gain + self.static - self.gravity * self.gain

@@ -51,6 +51,7 @@ class EvaluationSettings:
     take_off_error_s: Positive
     touchdown_error_s: Positive
     friction_error_s3_m: NotNegative
+    graze_error_s: NotNegative
     reference_repeatability: Share
     ground: GroundSettings
 
