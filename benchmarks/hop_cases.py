@@ -270,9 +270,7 @@ def _fly(case: HopCase, rng: np.random.Generator) -> SimulatedHop | None:
         conditions={"surface": case.surface, "foot": 1.0, "tilt_deg": 0.0, "hop_index": 0.0},
     )
     seen = dict(zip(compiled.output_names, compiled.run(compiled.values, run).T, strict=True))
-    truth = _truth(
-        plant, case.surface, looks_s, {name: seen[name][np.searchsorted(every, looks_s)] for name in SYMBOLS}
-    )
+    truth = _truth(plant, looks_s, {name: seen[name][np.searchsorted(every, looks_s)] for name in SYMBOLS})
     if truth is None or truth.touchdown_s + AFTER_S > length_s:
         return None
     force = seen["body_acceleration_m_s2"][np.searchsorted(every, force_s)]
@@ -307,7 +305,7 @@ def nominal_signal(
         conditions={"surface": surface},
     )
     seen = dict(zip(compiled.output_names, compiled.run(compiled.values, run).T, strict=True))
-    truth = _truth(plant, surface, times, seen)
+    truth = _truth(plant, times, seen)
     ends = (math.nan, math.nan) if truth is None else (truth.take_off_s, truth.touchdown_s)
     return times, seen["body_acceleration_m_s2"], *ends
 
@@ -319,7 +317,7 @@ def _longest_s(plant: Plant, compression_m: float) -> float:
     return 0.4 + 2.0 * math.sqrt(2.0 * height_m / value["g"])
 
 
-def _truth(plant: Plant, surface: str, looks_s: Float, seen: Mapping[str, Float]) -> HopTruth | None:
+def _truth(plant: Plant, looks_s: Float, seen: Mapping[str, Float]) -> HopTruth | None:
     m_b, m_l, g = (plant.parameters[name].value for name in ("m_b", "m_l", "g"))
     body, leg = seen["z_b"], seen["z_l"]
     if plant.geometry == "arm":
@@ -337,25 +335,28 @@ def _truth(plant: Plant, surface: str, looks_s: Float, seen: Mapping[str, Float]
         return None
     if flight is None or flight[2] - flight[1] < SHORTEST_FLIGHT_S:
         return None
-    kept = plant.surfaces[surface]["chi"].value
     height_m = apex_m(trace)
-    take_off_s, touchdown_s = _sharp_edges(trace, flight, kept)
+    take_off_s, touchdown_s = _sharp_edges(trace, flight)
     return HopTruth(take_off_s, touchdown_s, height_m, (m_b + m_l) * g * height_m, opening_s)
 
 
-def _sharp_edges(trace: Trace, flight: tuple[int, float, float], kept: float) -> tuple[float, float]:
-    """Take-off and touchdown between two looks, where the foot's free path crosses the height of the pressed ground.
+def _sharp_edges(trace: Trace, flight: tuple[int, float, float]) -> tuple[float, float]:
+    """Take-off and touchdown between two looks, where the foot's free path crosses the height at which it was let go.
 
-    Ground that keeps the share chi of its energy lets the foot go at chi times the deepest penetration.
+    That height is where the contact force, on the line of its last two looks, falls to zero.
     """
     _, take_off_s, touchdown_s = flight
-    crater_m = kept * float(trace.foot_m[trace.times_s <= take_off_s].min())
+    pressed = np.flatnonzero((trace.times_s <= take_off_s) & (trace.contact_n > 0.0))[-2:]
+    forces, feet = trace.contact_n[pressed], trace.foot_m[pressed]
+    if forces.size < 2 or pressed[1] != pressed[0] + 1 or forces[0] <= forces[1]:
+        return take_off_s, touchdown_s
+    left_m = float(feet[1] + (feet[1] - feet[0]) * forces[1] / (forces[0] - forces[1]))
     free = np.flatnonzero(
         (trace.times_s > take_off_s) & (trace.times_s < touchdown_s) & (trace.contact_n == 0.0)
     )
     edges = []
     for rough_s, three in ((take_off_s, free[:3]), (touchdown_s, free[-3:])):
-        path = np.polyfit(trace.times_s[three] - rough_s, trace.foot_m[three] - crater_m, 2)
+        path = np.polyfit(trace.times_s[three] - rough_s, trace.foot_m[three] - left_m, 2)
         crossings = np.roots(path)
         near = float(crossings[np.argmin(np.abs(crossings))].real)
         edges.append(rough_s + near if abs(near) < 3.0 * LOOK_S else rough_s)
