@@ -12,6 +12,7 @@ from sim_hal.plant.compose import Element, Model
 from sim_hal.plant.expressions import ExpressionError, Name, Node, Num, Op
 from sim_hal.plant.program import Builder, Ints, Layout, Program, Section, margin
 from sim_hal.plant.structure import PlantError, State
+from sim_hal.plant.tangents import Follower, tangents
 
 _START = "t_start"
 
@@ -64,8 +65,12 @@ def assemble(model: Model, outputs: Mapping[str, Node], source: str) -> Assemble
     _require_static(
         builder, source, initial | delays | skews | dict(zip(model.memories, memories, strict=True))
     )
-    code, sections = builder.code()
-    program = Program(code, table, builder.registers(), layout._replace(sections=sections))
+    code, ends = builder.code()
+    layout = layout._replace(
+        dynamic=ends[0], derivative=ends[1], condition=ends[2], output=ends[3], end=ends[4]
+    )
+    table[: len(layout)] = layout
+    program = Program(code, table, builder.registers(), layout)
     return Assembled(program, parameters, flags, initial, tuple(memories), delays, skews, settled, kinks)
 
 
@@ -89,6 +94,8 @@ def _reserve(builder: Builder, model: Model, parameters: tuple[str, ...], flags:
         flag_time=builder.room(nf, dynamic),
         state=builder.block(states, dynamic),
         memory=builder.block([_stored(name) for name in model.memories], dynamic),
+        at_lower=builder.room(len(model.memories), dynamic),
+        at_upper=builder.room(len(model.memories), dynamic),
         rate=builder.room(len(states), Section.OUTPUT),
         force=builder.room(len(model.elements), dynamic),
     )
@@ -109,10 +116,16 @@ def _emit(
     limits = _columns([*_memories(builder, model, states)], 4)
     rates = [builder.emit(model.rates[name], Section.DYNAMIC) for name in states]
     elements = _columns([_element(builder, element, model, states) for element in model.elements], 5)
+    slopes = _derivatives(builder, model, layout, limits)
     watches, kinks = builder.watches()
     conditions = [builder.emit(margin(flag), Section.CONDITION) for flag in model.structure.flags.values()]
+    zero = builder.constant(0.0)
+    by = range(len(states) + 1)
     lists = {
         "rates": rates,
+        "jacobian": [slopes[direction].get(rate, zero) for rate in rates for direction in by],
+        "forward_slope": [slopes[direction].get(level, zero) for level in elements[3] for direction in by],
+        "backward_slope": [slopes[direction].get(level, zero) for level in elements[4] for direction in by],
         **dict(
             zip(("velocity", "velocity_offset", "per_force", "forward", "backward"), elements, strict=True)
         ),
@@ -121,10 +134,26 @@ def _emit(
         "watches": watches,
         "outputs": [builder.emit(node, Section.OUTPUT) for node in outputs.values()],
     }
-    starts = np.cumsum([0, *(len(entries) for entries in lists.values())]).tolist()
-    table = np.array([entry for entries in lists.values() for entry in entries], dtype=np.int64)
+    starts = np.cumsum([len(layout), *(len(entries) for entries in lists.values())]).tolist()
+    places = [entry for entries in lists.values() for entry in entries]
+    table = np.array([*layout, *places], dtype=np.int64)
     layout = layout._replace(nw=len(watches), **dict(zip(lists, starts[:-1], strict=True)))
     return layout, table, tuple(kinks)
+
+
+def _derivatives(
+    builder: Builder, model: Model, layout: Layout, limits: list[list[int]]
+) -> list[dict[int, int]]:
+    """Tangents of all dynamic registers by each state and, last, by time, along which inputs have their slopes."""
+    one = builder.constant(1.0)
+    lower, upper = limits[:2]
+    memories = {
+        builder.symbols[name]: Follower(layout.at_lower + q, layout.at_upper + q, lower[q], upper[q])
+        for q, name in enumerate(model.memories)
+    }
+    clock = {layout.time: one} | {layout.input + k: layout.slope + k for k in range(layout.nu)}
+    seeds = [{layout.state + s: one} for s in range(layout.ns)]
+    return [tangents(builder, seed, memories) for seed in (*seeds, clock)]
 
 
 def _columns(rows: Sequence[tuple[int | list[int], ...]], count: int) -> list[list[int]]:

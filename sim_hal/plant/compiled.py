@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_hal.plant import engine
 from sim_hal.plant.assemble import Assembled, assemble, fitted
@@ -13,7 +15,7 @@ from sim_hal.plant.compose import Model, compose
 from sim_hal.plant.engine import Limits, Machine, Schedule
 from sim_hal.plant.expressions import Name, Node
 from sim_hal.plant.plant import Plant, check_use, check_values
-from sim_hal.plant.program import Floats, Program
+from sim_hal.plant.program import Floats, Ints, Program
 from sim_hal.plant.run import (
     Lateness,
     Run,
@@ -30,6 +32,7 @@ from sim_hal.plant.units import channel_unit
 RELATIVE_TOLERANCE = 1e-8
 _ABSOLUTE_TOLERANCE = 1e-13
 _MAX_STEPS = 20_000_000
+_AT_ONCE = 256  # runs whose workspace is held in memory together
 
 _REASONS = {
     engine.NOT_FINITE: "the solution stops being a finite number",
@@ -78,77 +81,128 @@ class CompiledPlant:
         """
         late = self.lateness(values, run)
         if not late:
-            return self._integrate(values, run, initial, run.times_s)[0]
+            return self.run_with_states(values, run, initial)[0]
         times = {channel: late[channel].seen_s(run.times_s) for channel in late}
         every = np.unique(np.concatenate([run.times_s, *times.values()]))
-        outputs = self._integrate(values, prolonged(run, every[-1]), initial, every)[0]
+        longer = prolonged(run, every[-1])
+        outputs = self.follow(self.machine(values, longer, initial), self._plan(longer, every))[0]
         found = outputs[np.searchsorted(every, run.times_s)]
         for channel, seen in times.items():
             column = self.output_names.index(channel)
             found[:, column] = outputs[np.searchsorted(every, seen), column]
         return found
 
+    def run_batch(
+        self, values: Floats, runs: Run | Sequence[Run], initial: Sequence[Mapping[str, float]] | None = None
+    ) -> list[Floats | SimulationError]:
+        """Many runs at once: for each row of `values` (n, n_par) the outputs as `run` gives them, to the bit.
+
+        `runs` and `initial` are one for each row; one run may serve for all. In place of a run that could not be
+        carried out stands its error.
+        """
+        own = [runs] * len(values) if isinstance(runs, Run) else list(runs)
+        starts = [{}] * len(values) if initial is None else list(initial)
+        if not len(values) == len(own) == len(starts):
+            raise SimulationError(
+                f"{len(values)} rows of values, {len(own)} runs, {len(starts)} initial states"
+            )
+        found: list[Floats | SimulationError] = [SimulationError("not run")] * len(values)
+        for run in dict.fromkeys(own):
+            rows = [row for row, other in enumerate(own) if other is run]
+            for first in range(0, len(rows), _AT_ONCE):
+                some = rows[first : first + _AT_ONCE]
+                for row, outputs in zip(some, self._together(values, run, starts, some), strict=True):
+                    found[row] = outputs
+        return found
+
+    def _together(
+        self, values: Floats, run: Run, starts: Sequence[Mapping[str, float]], rows: list[int]
+    ) -> list[Floats | SimulationError]:
+        """Some rows that share a run; late sensors need times of their own, and go one by one."""
+        if self.assembled.delays or self.assembled.skews:
+            return [self._alone(values[row], run, starts[row]) for row in rows]
+        machine = self._machines(values[rows], run, [starts[row] for row in rows])
+        outputs, _, statuses = self._integrate(machine, self._plan(run, run.times_s))
+        return [
+            self._failure(int(statuses[i]), machine, i, outputs[i], run.times_s) or outputs[i]
+            for i in range(len(rows))
+        ]
+
+    def _alone(self, values: Floats, run: Run, initial: Mapping[str, float]) -> Floats | SimulationError:
+        try:
+            return self.run(values, run, initial)
+        except SimulationError as error:
+            return error
+
     def states(self, values: Floats, run: Run, initial: Mapping[str, float] | None = None) -> Floats:
         """States at the run's times, (n, n_states), SI."""
-        return self._integrate(values, run, initial, run.times_s)[1]
+        return self.run_with_states(values, run, initial)[1]
 
     def run_with_states(
         self, values: Floats, run: Run, initial: Mapping[str, float] | None = None
     ) -> tuple[Floats, Floats]:
         """Outputs (n, n_outputs), delays of sensors left out, and states (n, n_states) at the run's times."""
-        return self._integrate(values, run, initial, run.times_s)
+        return self.follow(self.machine(values, run, initial), self._plan(run, run.times_s))
 
     def rates(self, values: Floats, run: Run, time_s: float, state: Floats) -> Floats:
         """Rates of all states, (n_states,), at a time and state, friction in the mode that the state implies."""
         machine = self.machine(values, run, dict(zip(self.state_names, state, strict=True)))
-        plan = schedule(self.plant.structure, run, self.assembled.flags, np.empty(0))
+        plan = self._plan(run, np.empty(0))
         at = max(int(np.searchsorted(plan.breaks, time_s, side="right")) - 1, 0)
-        machine.clock[0] = time_s
-        rate = np.empty(len(state))
-        engine.start(self.assembled.program, machine)
-        with np.errstate(all="ignore"):
-            status = engine.open_segment(self.assembled.program, machine, plan, at, rate)
-        self._check(status, machine)
-        return rate
+        inputs = plan.inputs[at : at + 1] + plan.slopes[at : at + 1] * (time_s - plan.breaks[at])
+        here = Schedule(np.array([time_s]), inputs, plan.slopes[at : at + 1], plan.events, np.empty(0))
+        self.follow(machine, here)
+        found: Floats = machine.rooms[0, engine.RATE, : len(state)].copy()
+        return found
+
+    def _plan(self, run: Run, samples: Floats) -> Schedule:
+        check_times(run.times_s)
+        return schedule(self.plant.structure, run, self.assembled.flags, samples)
 
     def initial_values(self, values: Floats, run: Run) -> dict[str, float]:
         """Initial states by name; those to be fitted get a guess from the first samples, or 0."""
-        registers = self._registers(values, run)
-        found = {name: float(registers[place]) for name, place in self.assembled.initial.items()}
-        for name in self.fitted_initial_states:
-            found[name] = self._guess(name, run)
-        return {name: found[name] for name in self.state_names}
+        state = self._start(self._registers(values[np.newaxis], run), run)
+        return dict(zip(self.state_names, state[0].tolist(), strict=True))
+
+    def _start(self, registers: Floats, run: Run) -> Floats:
+        """Initial states (n, n_states)."""
+        state = np.empty((len(registers), len(self.state_names)))
+        for column, name in enumerate(self.state_names):
+            place = self.assembled.initial.get(name)
+            state[:, column] = self._guess(name, run) if place is None else registers[:, place]
+        return state
 
     def machine(self, values: Floats, run: Run, initial: Mapping[str, float] | None = None) -> Machine:
         """The engine's moving parts at the start of a run."""
+        return self._machines(values[np.newaxis], run, [initial or {}])
+
+    def _machines(self, values: Floats, run: Run, initial: Sequence[Mapping[str, float]]) -> Machine:
+        """The engine's moving parts at the start of several runs."""
         check_times(run.times_s)
         registers = self._registers(values, run)
-        start = self.initial_values(values, run)
-        for name, value in (initial or {}).items():
-            if name not in start:
-                raise SimulationError(f"no state {name!r} to start at; states: {', '.join(start)}")
-            start[name] = value
-        program = self.assembled.program
-        by_name = dict(zip(self.parameter_names, values, strict=True))
-        absent = {name for name, own in self.model.strengths.items() if not any(by_name[key] for key in own)}
-        state = np.array(list(start.values()), dtype=float)
-        span = run.times_s[-1] - run.times_s[0]
-        modes = [self._mode(element.strengths, by_name) for element in self.model.elements]
-        modes += [engine.IDLE if name in absent else 0 for name in self.model.memories]
-        for node in self.assembled.kinks:
-            own = self.model.kinks.get(node)
-            modes.append(engine.IDLE if own and not any(by_name[key] for key in own) else 0)
+        layout = self.assembled.program.layout
+        state = self._start(registers, run)
+        for row, own in enumerate(initial):
+            for name, value in own.items():
+                if name not in self.state_names:
+                    raise SimulationError(
+                        f"no state {name!r} to start at; states: {', '.join(self.state_names)}"
+                    )
+                state[row, self.state_names.index(name)] = value
         for offset, place in enumerate(self.assembled.memory_initial):
-            registers[program.layout.memory + offset] = registers[place]
-        self._settle(registers, state, run.times_s[0], initial or {})
-        return Machine(
-            clock=np.array([run.times_s[0], 1e-5 * span if span > 0 else 1e-6, 0.0, 1e-4]),
-            registers=registers,
-            state=state,
-            scale=np.abs(state),
-            weight=np.array([0.0 if name in absent else 1.0 for name in start]),
-            mode=np.array(modes, dtype=np.int64),
-        )
+            registers[:, layout.memory + offset] = registers[:, place]
+        for row, own in enumerate(initial):
+            self._settle(registers[row], state[row], run.times_s[0], own)
+        span = run.times_s[-1] - run.times_s[0]
+        rooms = np.zeros((len(values), engine.rows_of(layout), engine.columns_of(layout)))
+        limits = self.tolerances
+        clock = [run.times_s[0], 1e-5 * span if span > 0 else 1e-6, 0.0]
+        rooms[:, engine.CLOCK, :6] = [*clock, limits.relative, limits.absolute, limits.steps]
+        rooms[:, engine.STATE, : layout.ns] = state
+        rooms[:, engine.SCALE, : layout.ns] = np.abs(state)
+        for column, name in enumerate(self.state_names):
+            rooms[:, engine.WEIGHT, column] = self._present(values, self.model.strengths.get(name))
+        return Machine(registers, self._modes(values), rooms)
 
     def _settle(self, registers: Floats, state: Floats, start_s: float, given: Mapping[str, float]) -> None:
         """Start the states that other states tell, such as a filter's, where those put them."""
@@ -159,80 +213,109 @@ class CompiledPlant:
         registers[layout.time] = start_s
         registers[layout.state : layout.state + len(state)] = state
         with np.errstate(all="ignore"):
-            engine.execute(program.code, layout.sections[1], layout.sections[2], registers)
+            engine.execute(program.code, layout.dynamic, layout.derivative, registers)
         for offset, name in enumerate(self.state_names):
             if name in self.assembled.settled and name not in given:
                 state[offset] = registers[self.assembled.settled[name]]
 
-    @staticmethod
-    def _mode(strengths: tuple[str, ...] | None, values: Mapping[str, float]) -> int:
-        return 0 if strengths is None or any(values[name] for name in strengths) else engine.OFF
+    def _modes(self, values: Floats) -> Ints:
+        """Modes (n, n_modes) of friction elements, memories and kinks: those without strength are left out."""
+        model = self.model
+        found = [(element.strengths, engine.OFF) for element in model.elements]
+        found += [(model.strengths.get(name), engine.IDLE) for name in model.memories]
+        found += [(model.kinks.get(node), engine.IDLE) for node in self.assembled.kinks]
+        modes = np.zeros((len(values), len(found)), dtype=np.int64)
+        for column, (strengths, off) in enumerate(found):
+            modes[:, column] = np.where(self._present(values, strengths), 0, off)
+        return modes
 
-    def _integrate(
-        self, values: Floats, run: Run, initial: Mapping[str, float] | None, samples: Floats
-    ) -> tuple[Floats, Floats]:
-        machine = self.machine(values, run, initial)
-        plan = schedule(self.plant.structure, run, self.assembled.flags, samples)
-        return self.follow(machine, plan)
+    def _present(self, values: Floats, strengths: tuple[str, ...] | None) -> NDArray[np.bool_]:
+        """In which rows something has a strength; what has none of its own always is there."""
+        if not strengths:
+            return np.ones(len(values), dtype=bool)
+        own = values[:, [self._index[name] for name in strengths]]
+        return np.asarray(np.any(own != 0.0, axis=1))
+
+    @cached_property
+    def _index(self) -> dict[str, int]:
+        return {name: number for number, name in enumerate(self.parameter_names)}
 
     def follow(self, machine: Machine, plan: Schedule) -> tuple[Floats, Floats]:
-        """Run a prepared machine through a schedule: outputs and states at its samples."""
-        outputs = np.empty((len(plan.samples), len(self.output_names)))
-        states = np.empty((len(plan.samples), len(self.state_names)))
+        """Run a prepared machine (of one run) through a schedule: outputs and states at its samples."""
+        outputs, states, statuses = self._integrate(machine, plan)
+        failure = self._failure(int(statuses[0]), machine, 0, outputs[0], plan.samples)
+        if failure is not None:
+            raise failure
+        return outputs[0], states[0]
+
+    def _integrate(self, machine: Machine, plan: Schedule) -> tuple[Floats, Floats, Ints]:
+        """Outputs (n, n_samples, n_outputs), states (n, n_samples, n_states), statuses (n,) of n machines."""
+        count, samples = len(machine.registers), len(plan.samples)
+        outputs = np.empty((count, samples, len(self.output_names)))
+        states = np.empty((count, samples, len(self.state_names)))
+        statuses = np.zeros(count, dtype=np.int64)
+        program = self.assembled.program
         with np.errstate(all="ignore"):
-            engine.start(self.assembled.program, machine)
-            status = engine.integrate(self.assembled.program, machine, plan, self.tolerances, outputs, states)
-        self._check(status, machine)
-        if not np.isfinite(outputs).all():
-            row, column = np.argwhere(~np.isfinite(outputs))[0]
-            raise SimulationError(
-                f"{self.plant.name}: {self.output_names[column]} is not finite at t = {plan.samples[row]:.6f} s"
-            )
-        return outputs, states
+            engine.integrate(program.code, program.table, *machine, *plan, outputs, states, statuses)
+        return outputs, states, statuses
 
-    def _check(self, status: int, machine: Machine) -> None:
+    def _failure(
+        self, status: int, machine: Machine, row: int, outputs: Floats, times: Floats
+    ) -> SimulationError | None:
+        """What went wrong in a run, in words, or None."""
         if status != engine.OK:
-            state = ", ".join(f"{n} = {v:.4g}" for n, v in zip(self.state_names, machine.state, strict=True))
-            reason = f"{_REASONS[status]} at t = {machine.clock[0]:.6f} s"
-            raise SimulationError(f"{self.plant.name}: {reason} ({state}){self._acting(machine)}")
+            room = machine.rooms[row]
+            pairs = zip(self.state_names, room[engine.STATE], strict=False)
+            state = ", ".join(f"{name} = {value:.4g}" for name, value in pairs)
+            reason = f"{_REASONS[status]} at t = {room[engine.CLOCK, engine.TIME]:.6f} s"
+            return SimulationError(
+                f"{self.plant.name}: {reason} ({state}){self._acting(machine.registers[row])}"
+            )
+        if not np.isfinite(outputs).all():
+            sample, column = np.argwhere(~np.isfinite(outputs))[0]
+            what = f"{self.output_names[column]} is not finite at t = {times[sample]:.6f} s"
+            return SimulationError(f"{self.plant.name}: {what}")
+        return None
 
-    def _acting(self, machine: Machine) -> str:
-        """In words, which effects the run had, with the values that it was made with."""
+    def _acting(self, registers: Floats) -> str:
+        """In words, which effects a run had, with the values that it was made with."""
         first = self.assembled.program.layout.parameter
         place = {name: first + offset for offset, name in enumerate(self.assembled.parameters)}
         found = []
         for use in self.plant.effects:
             prefix = self.plant.prefix(use)
-            values = {name: machine.registers[place[f"{prefix}.{name}"]] for name in use.parameters}
+            values = {name: registers[place[f"{prefix}.{name}"]] for name in use.parameters}
             found.append(f"{prefix} ({', '.join(f'{name} = {v:.4g}' for name, v in values.items())})")
         return f"; effects: {', '.join(found)}" if found else ""
 
     def _registers(self, values: Floats, run: Run) -> Floats:
-        """The register file with all parameters, and what depends on them alone, filled in."""
-        if len(values) != len(self.parameter_names):
-            raise SimulationError(f"{len(values)} parameter values, {len(self.parameter_names)} expected")
-        by_name = dict(zip(self.parameter_names, values, strict=True))
+        """Register files (n, n_registers) with all parameters, and what depends on them alone, filled in."""
+        if values.shape[1] != len(self.parameter_names):
+            raise SimulationError(f"{values.shape[1]} parameter values, {len(self.parameter_names)} expected")
         if not np.isfinite(values).all():
-            wrong = next(name for name, value in by_name.items() if not np.isfinite(value))
-            raise SimulationError(f"{self.plant.name}: {wrong} = {by_name[wrong]} is not a finite number")
-        by_name |= self._surface(by_name, run)
+            row, column = np.argwhere(~np.isfinite(values))[0]
+            wrong = f"{self.parameter_names[column]} = {values[row, column]}"
+            raise SimulationError(f"{self.plant.name}: {wrong} is not a finite number")
+        surface = self._surface(run)
         program: Program = self.assembled.program
-        registers = program.registers.copy()
-        for offset, name in enumerate(self.assembled.parameters[:-1]):
-            if name in by_name:
-                value = by_name[name]
+        registers = np.tile(program.registers, (len(values), 1))
+        parameters = registers[:, program.layout.parameter :]
+        names = [surface.get(name, name) for name in self.assembled.parameters[:-1]]
+        for offset, name in enumerate(names):
+            if name in self._index:
+                parameters[:, offset] = values[:, self._index[name]]
             elif name in self.plant.structure.known:
-                value = self._known(name, run)
+                parameters[:, offset] = self._known(name, run)
             else:
-                value = np.nan  # optional and absent: nothing may use it
-            registers[program.layout.parameter + offset] = value
-        registers[program.layout.parameter + len(self.assembled.parameters) - 1] = run.times_s[0]
+                parameters[:, offset] = np.nan  # optional and absent: nothing may use it
+        parameters[:, len(self.assembled.parameters) - 1] = run.times_s[0]
         with np.errstate(all="ignore"):
-            engine.execute(program.code, 0, program.layout.sections[1], registers)
+            for row in registers:
+                engine.execute(program.code, 0, program.layout.dynamic, row)
         return registers
 
-    def _surface(self, by_name: Mapping[str, float], run: Run) -> dict[str, float]:
-        """Parameters of the surface that the run's conditions name."""
+    def _surface(self, run: Run) -> dict[str, str]:
+        """Flat names of the parameters of the surface that the run's conditions name."""
         if not self.plant.surfaces:
             return {}
         surface = run.conditions.get("surface")
@@ -241,7 +324,7 @@ class CompiledPlant:
             raise SimulationError(
                 f"conditions.surface = {surface!r} is not in the plant file; known: {known}"
             )
-        return {name: by_name[f"{surface}.{name}"] for name in self.plant.structure.surface_parameters}
+        return {name: f"{surface}.{name}" for name in self.plant.structure.surface_parameters}
 
     def _known(self, name: str, run: Run) -> float:
         """A known quantity of the start: from the sidecar, or smoothed from its channel, or its default."""
@@ -274,7 +357,7 @@ class CompiledPlant:
         where = self.assembled
         if not where.delays and not where.skews:
             return {}
-        registers = self._registers(values, run)
+        registers = self._registers(values[np.newaxis], run)[0]
         late = {}
         for channel in dict.fromkeys((*where.delays, *where.skews)):
             delay, skew = (

@@ -1,8 +1,9 @@
 """From formulas to a flat program for a register machine.
 
 Each distinct subexpression is computed once and has its own register. What depends on parameters alone runs
-once per run (section STATIC), what the rates need at every evaluation (DYNAMIC), what only locating events needs
-(CONDITION) and what only the outputs need (OUTPUT) when those are asked for.
+once per run (section STATIC), what the rates need at every evaluation (DYNAMIC), their derivatives once a step
+(JACOBIAN), what only locating events needs (CONDITION) and what only the outputs need (OUTPUT) when those are asked
+for.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ class Section(IntEnum):
 
     STATIC = 0
     DYNAMIC = 1
-    CONDITION = 2
-    OUTPUT = 3
+    JACOBIAN = 2
+    CONDITION = 3
+    OUTPUT = 4
 
 
 _ARITHMETIC = (
@@ -56,7 +58,10 @@ KINKS = ("min", "max", "abs")
 
 
 class Layout(NamedTuple):
-    """Sizes; first register of each block; where each list starts in the table; where each section starts."""
+    """Sizes; first register of each block; where each list starts in the table; where each section starts.
+
+    The table begins with these numbers themselves, in this order: the engine finds them there.
+    """
 
     ns: int  # states
     nu: int  # inputs
@@ -74,14 +79,19 @@ class Layout(NamedTuple):
     flag_time: int = 0
     state: int = 0
     memory: int = 0
+    at_lower: int = 0  # of each memory: whether it follows its lower limit, and the same for the upper
+    at_upper: int = 0
     rate: int = 0
     force: int = 0
     rates: int = 0  # table from here on: (ns,)
+    jacobian: int = 0  # (ns, ns + 1): derivatives of the rates by each state and, last, by time
     velocity: int = 0  # (m, ns): coefficients of the relative velocity
     velocity_offset: int = 0  # (m,)
     per_force: int = 0  # (m, ns)
     forward: int = 0  # (m,)
     backward: int = 0  # (m,)
+    forward_slope: int = 0  # (m, ns + 1): derivatives as above
+    backward_slope: int = 0  # (m, ns + 1)
     lower: int = 0  # (q,)
     upper: int = 0  # (q,)
     lower_slope: int = 0  # (q, ns): coefficients of the lower limit
@@ -89,14 +99,18 @@ class Layout(NamedTuple):
     conditions: int = 0  # (nf,), −1 for an event, which latches at a given time
     watches: int = 0  # (nw,): what changes sign at a kink of the rates
     outputs: int = 0  # (no,)
-    sections: tuple[int, int, int, int, int] = (0, 0, 0, 0, 0)
+    dynamic: int = 0  # instructions from here on; the static section begins at 0
+    derivative: int = 0
+    condition: int = 0
+    output: int = 0
+    end: int = 0
 
 
 class Program(NamedTuple):
     """All that the engine needs to know of a plant."""
 
     code: Ints  # (instructions, 5): operation, target, operands
-    table: Ints  # registers, in lists that the layout tells apart
+    table: Ints  # the layout, then registers in lists that it tells apart
     registers: Floats  # initial content: the constants
     layout: Layout
 
@@ -111,7 +125,7 @@ class Builder:
         self.definitions: Mapping[str, Node] = {}
         self._constants: dict[float, int] = {}
         self._section: dict[int, Section] = {}
-        self._memo: dict[tuple[str, tuple[int, ...]], int] = {}
+        self._memo: dict[tuple[str, tuple[int, ...], bool], int] = {}
         self._code: dict[Section, list[tuple[int, ...]]] = {section: [] for section in Section}
         self._size = 0
         self._kinks: dict[tuple[int, ...], Node] = {}
@@ -151,20 +165,20 @@ class Builder:
         if node.op == "rate":
             return self.rate_of[_name(node)]
         if node.op == "since":
-            return self._instruction("since", self.flag_of[_name(node)], section)
+            return self.instruction("since", self.flag_of[_name(node)], section)
         operands = tuple(self.emit(arg, section, watch) for arg in node.args)
         if node.op == "**" and node.args[1] == Num(2.0):
-            return self._instruction("square", operands[:1], section)
+            return self.instruction("square", operands[:1], section)
         if node.op in ("min", "max", "and", "or"):
             result = operands[0]
             for operand in operands[1:]:
                 if watch:
                     self._kink(node, (result, operand), section)
-                result = self._instruction(node.op, (result, operand), section)
+                result = self.instruction(node.op, (result, operand), section)
             return result
         if watch:
             self._kink(node, operands, section)
-        return self._instruction(node.op, operands, section)
+        return self.instruction(node.op, operands, section)
 
     def _kink(self, node: Op, operands: tuple[int, ...], section: Section) -> None:
         """Note where the rates have a kink: steps shall end there."""
@@ -175,31 +189,46 @@ class Builder:
     def watches(self) -> tuple[list[int], list[Node]]:
         """Registers (from CONDITION on) that change sign where the rates have a kink, and the kinked formulas."""
         registers = [
-            operands[0] if len(operands) == 1 else self._instruction("-", operands, Section.CONDITION)
+            operands[0] if len(operands) == 1 else self.instruction("-", operands, Section.CONDITION)
             for operands in self._kinks
         ]
         return registers, list(self._kinks.values())
 
-    def _instruction(self, op: str, operands: tuple[int, ...], section: Section) -> int:
-        key = (op, operands)
-        if key not in self._memo:
-            known = max(self._section[operand] for operand in operands)
-            # A time since a flag also reads the clock, so it never is static.
-            own = Section.STATIC if known is Section.STATIC and op != "since" else max(section, known)
+    def instruction(self, op: str, operands: tuple[int, ...], section: Section) -> int:
+        """Register of an operation's result, available from `section` on.
+
+        Derivatives are computed at other times than the rest of what comes after the rates: they share nothing.
+        """
+        known = max(self._section[operand] for operand in operands)
+        # A time since a flag also reads the clock, so it never is static.
+        own = Section.STATIC if known is Section.STATIC and op != "since" else max(section, known)
+        derivative = own is Section.JACOBIAN
+        target = self._memo.get((op, operands, False), self._memo.get((op, operands, True)))
+        if target is None or not self._is_there(target, derivative):
+            target = self._memo.get((op, operands, derivative))
+        if target is None:
             target = self.anonymous(own)
             self._code[own].append((OPCODES[op], target, *operands, *(0,) * (3 - len(operands))))
-            self._memo[key] = target
-        return self._memo[key]
+            self._memo[op, operands, derivative] = target
+        return target
+
+    def _is_there(self, register: int, derivative: bool) -> bool:
+        section = self._section[register]
+        return section <= Section.DYNAMIC or (section is Section.JACOBIAN) is derivative
+
+    def lines(self, section: Section) -> list[tuple[int, ...]]:
+        """The instructions of a section so far: operation, target, operands."""
+        return list(self._code[section])
 
     def is_static(self, register: int) -> bool:
         """Whether the register's value depends on parameters alone."""
         return self._section[register] is Section.STATIC
 
-    def code(self) -> tuple[Ints, tuple[int, int, int, int, int]]:
-        """All instructions, and where each section starts, the end last."""
+    def code(self) -> tuple[Ints, list[int]]:
+        """All instructions, and where each section ends."""
         lines = [line for section in Section for line in self._code[section]]
         ends = np.cumsum([len(self._code[section]) for section in Section]).tolist()
-        return np.array(lines, dtype=np.int64).reshape(-1, 5), (0, ends[0], ends[1], ends[2], ends[3])
+        return np.array(lines, dtype=np.int64).reshape(-1, 5), ends
 
     def registers(self) -> Floats:
         """Initial content of the register file."""

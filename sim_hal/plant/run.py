@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,11 @@ class SimulationError(RuntimeError):
     """A simulation could not be carried out; the message says when and why."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Run:
     """What drives one simulated run; never measured outputs, except through `initial: channel`.
+
+    Arrays must not be changed once the run has been used: what follows from them is kept.
 
     times_s: (n,), increasing. inputs: each (n,), NaN where a sample is missing. events: seconds on the same clock.
     known: the sidecar's `state:`. first_samples: (k,) channels whose smoothed start is an initial value.
@@ -67,8 +70,21 @@ def check_times(times: Floats) -> None:
         raise SimulationError("sample times must be finite and increase")
 
 
+_Segments = tuple[Floats, Floats, Floats, Floats]
+_known_segments: WeakKeyDictionary[Run, dict[object, _Segments]] = WeakKeyDictionary()
+
+
 def schedule(structure: Structure, run: Run, flags: tuple[str, ...], samples: Floats) -> Schedule:
     """Segments between the instants at which inputs or events change the equations."""
+    kept = _known_segments.setdefault(run, {})
+    key = (tuple((name, spec.interpolation) for name, spec in structure.inputs.items()), flags)
+    if key not in kept:
+        kept[key] = _segments(structure, run, flags)
+    return Schedule(*kept[key], samples)
+
+
+def _segments(structure: Structure, run: Run, flags: tuple[str, ...]) -> _Segments:
+    """Breaks (nb,), inputs and their slopes from each break on (nb, nu), and when each flag's event happens."""
     times = run.times_s
     events = np.array([run.events.get(name, np.inf) for name in flags], dtype=float)
     inside = events[(events > times[0]) & (events < times[-1])]
@@ -84,7 +100,7 @@ def schedule(structure: Structure, run: Run, flags: tuple[str, ...], samples: Fl
             values[:, column] = np.interp(every, times[present], run.inputs[name][present])
             slopes[:-1, column] = np.diff(values[:, column]) / np.diff(every)
     keep = _breaks(every, values, slopes, inside)
-    return Schedule(every[keep], values[keep], slopes[keep], events, samples)
+    return every[keep], values[keep], slopes[keep], events
 
 
 def _present(run: Run, name: str) -> NDArray[np.bool_]:

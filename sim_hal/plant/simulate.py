@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sim_hal.plant import engine
 from sim_hal.plant.compiled import CompiledPlant, compile_plant, probes
 from sim_hal.plant.compose import MISSING_FORCE
 from sim_hal.plant.effects import catalogue
@@ -66,6 +67,7 @@ class Simulator:
             times_s=np.array([start_s]), conditions=conditions or {}, known=known or {}, events=events or {}
         )
         self._machine = self._compiled.machine(self._compiled.values, run, initial)
+        self._room = self._machine.rooms[0]
         self._names = self._compiled.output_names
         self._late = self._compiled.lateness(self._compiled.values, run)
         for channel, late in self._late.items():
@@ -77,7 +79,7 @@ class Simulator:
     @property
     def time_s(self) -> float:
         """Simulated time."""
-        return float(self._machine.clock[0])
+        return float(self._room[engine.CLOCK, engine.TIME])
 
     def advance(self, to_time_s: float, inputs: Mapping[str, float] | None = None) -> None:
         """Go on to a later time, the given inputs held; those not given keep their value."""
@@ -103,7 +105,7 @@ class Simulator:
 
     def state(self) -> dict[str, float]:
         """States by name, SI."""
-        return dict(zip(self._compiled.state_names, self._machine.state.tolist(), strict=True))
+        return dict(zip(self._compiled.state_names, self._room[engine.STATE].tolist(), strict=False))
 
     def set_event(self, name: str, time_s: float) -> None:
         """Let an event happen at a time, now or later."""
@@ -126,12 +128,12 @@ class Simulator:
 
     def _register(self, block: str, name: str) -> float:
         layout = self._compiled.assembled.program.layout
-        return float(self._machine.registers[getattr(layout, block) + self._flags.index(name)])
+        return float(self._machine.registers[0, getattr(layout, block) + self._flags.index(name)])
 
     def _follow(self, breaks: np.ndarray, samples: np.ndarray) -> np.ndarray:
         rows = np.tile(self._inputs, (len(breaks), 1))
         plan = Schedule(breaks, rows, np.zeros_like(rows), self._events, samples)
-        self._machine.clock[2] = 0.0
+        self._room[engine.CLOCK, engine.STEPS] = 0.0
         return self._compiled.follow(self._machine, plan)[0]
 
     def _now(self) -> dict[str, float]:

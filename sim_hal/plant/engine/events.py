@@ -1,0 +1,185 @@
+"""Discontinuities: flags, memories, kinks, and where friction turns or breaks away.
+
+Each has a margin, which is negative where the mode of the thing no longer fits. They are listed in this order:
+friction elements, memories, kinks, flags.
+"""
+
+from __future__ import annotations
+
+from sim_hal.plant.engine.friction import band, dot, hold_margin, relative_velocity, release
+from sim_hal.plant.engine.machine import (
+    AT_LOWER,
+    AT_UPPER,
+    BACKWARD,
+    CHATTER,
+    CONDITION,
+    CONDITIONS,
+    EMPTY_BAND,
+    FLAG,
+    FLAG_TIME,
+    FORCE_AT,
+    FORWARD,
+    IDLE,
+    LOWER,
+    LOWER_SLOPE,
+    MEMORY,
+    NF,
+    NO_GRIP,
+    NS,
+    NW,
+    OFF,
+    OK,
+    OUTPUT,
+    RATE,
+    START,
+    STATE,
+    UPPER,
+    UPPER_SLOPE,
+    WATCHES,
+    M,
+    Q,
+    execute,
+)
+from sim_hal.plant.engine.rates import rates_at
+from sim_hal.plant.jit import compiled
+from sim_hal.plant.program import Floats, Ints
+
+JUST_MET = -5e-324
+
+
+@compiled
+def set_flags(tab: Ints, r: Floats, at: float) -> bool:
+    """Latch the flags whose condition holds; whether there was one."""
+    found = False
+    for i in range(tab[NF]):
+        condition = tab[tab[CONDITIONS] + i]
+        if r[tab[FLAG] + i] == 0.0 and condition >= 0 and r[condition] >= 0.0:
+            r[tab[FLAG] + i] = 1.0
+            r[tab[FLAG_TIME] + i] = at
+            found = True
+    return found
+
+
+@compiled
+def take_sides(tab: Ints, r: Floats, mode: Ints, every: bool) -> None:
+    """Note on which side of each kink the state is; of those only that were on it, unless `every`."""
+    first = tab[M] + tab[Q]
+    for k in range(tab[NW]):
+        if mode[first + k] == 0 or (every and mode[first + k] != IDLE):
+            value = r[tab[tab[WATCHES] + k]]
+            mode[first + k] = 1 if value > 0.0 else -1 if value < 0.0 else 0
+
+
+@compiled
+def settle(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, t: float) -> int:
+    """Bring flags, friction modes and memories into agreement with the state; gives the rates (row START) there."""
+    for _ in range(100):
+        if not rates_at(code, tab, r, mode, w, t, STATE, RATE + START):
+            return NO_GRIP
+        execute(code, tab[CONDITION], tab[OUTPUT], r)
+        if set_flags(tab, r, t):
+            continue
+        breaks = False
+        for j in range(tab[M]):
+            width = r[tab[tab[FORWARD] + j]] + r[tab[tab[BACKWARD] + j]]
+            if mode[j] != OFF and not width >= -band(tab, r, j):
+                return EMPTY_BAND
+            if mode[j] == 0 and hold_margin(tab, r, j) < 0.0:
+                breaks = True
+        if breaks and release(tab, r, mode, w, RATE + START):
+            continue
+        settle_memories(tab, r, mode, w)
+        take_sides(tab, r, mode, True)
+        return OK
+    return CHATTER
+
+
+@compiled
+def settle_memories(tab: Ints, r: Floats, mode: Ints, w: Floats) -> None:
+    """Store each memory's value and whether it follows a limit from here on (at rest it follows none)."""
+    for q in range(tab[Q]):
+        low, high = r[tab[tab[LOWER] + q]], r[tab[tab[UPPER] + q]]
+        value = min(max(r[tab[MEMORY] + q], low), high)
+        r[tab[MEMORY] + q] = value
+        r[tab[AT_LOWER] + q] = r[tab[AT_UPPER] + q] = 0.0
+        if mode[tab[M] + q] == IDLE:  # without strength both limits are one
+            r[tab[AT_LOWER] + q] = 1.0
+            continue
+        mode[tab[M] + q] = 0
+        if value == low and dot(tab, r, tab[LOWER_SLOPE] + q * tab[NS], w, RATE + START) > 0.0:
+            mode[tab[M] + q] = 1
+            r[tab[AT_LOWER] + q] = 1.0
+        elif value == high and dot(tab, r, tab[UPPER_SLOPE] + q * tab[NS], w, RATE + START) < 0.0:
+            mode[tab[M] + q] = 2
+            r[tab[AT_UPPER] + q] = 1.0
+
+
+@compiled
+def keep_memories(tab: Ints, r: Floats, mode: Ints) -> None:
+    """Store the values of the memories that follow a limit."""
+    for q in range(tab[Q]):
+        if mode[tab[M] + q] == 1:
+            r[tab[MEMORY] + q] = r[tab[tab[LOWER] + q]]
+        elif mode[tab[M] + q] == 2:
+            r[tab[MEMORY] + q] = r[tab[tab[UPPER] + q]]
+
+
+@compiled
+def memory_margin(tab: Ints, r: Floats, q: int, mode: int, w: Floats, rate: int) -> float:
+    """How far memory q is from doing something else than its mode says."""
+    margin = 1.0
+    if mode == 0:
+        value = r[tab[MEMORY] + q]
+        margin = min(value - r[tab[tab[LOWER] + q]], r[tab[tab[UPPER] + q]] - value)
+    elif mode == 1:
+        margin = dot(tab, r, tab[LOWER_SLOPE] + q * tab[NS], w, rate)
+    elif mode == 2:
+        margin = -dot(tab, r, tab[UPPER_SLOPE] + q * tab[NS], w, rate)
+    return margin
+
+
+@compiled
+def margins(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, x: int, rate: int, found: int) -> bool:
+    """All margins at the point (rows x and `rate`) just evaluated go to row `found`; whether any is negative."""
+    execute(code, tab[CONDITION], tab[OUTPUT], r)
+    for j in range(tab[M]):
+        margin = 1.0
+        if mode[j] == 0:
+            margin = hold_margin(tab, r, j)
+        elif mode[j] != OFF:
+            margin = mode[j] * relative_velocity(tab, r, j, w, x)
+        w[found, j] = margin
+    first = tab[M]
+    for q in range(tab[Q]):
+        w[found, first + q] = memory_margin(tab, r, q, mode[first + q], w, rate)
+    first += tab[Q]
+    for k in range(tab[NW]):
+        w[found, first + k] = mode[first + k] * r[tab[tab[WATCHES] + k]] if abs(mode[first + k]) == 1 else 1.0
+    first += tab[NW]
+    for i in range(tab[NF]):
+        condition = tab[tab[CONDITIONS] + i]
+        margin = 1.0
+        if condition >= 0 and r[tab[FLAG] + i] == 0.0:
+            margin = -r[condition] if r[condition] != 0.0 else JUST_MET
+        w[found, first + i] = margin
+    hit = False
+    for i in range(first + tab[NF]):
+        hit = hit or w[found, i] < 0.0
+    return hit
+
+
+@compiled
+def apply_events(tab: Ints, r: Floats, mode: Ints, w: Floats, found: int, at: float) -> None:
+    """Change the modes of what has a negative margin, at the point just evaluated at time `at`."""
+    for j in range(tab[M]):
+        if w[found, j] < 0.0 and mode[j] == 0:
+            force = r[tab[FORCE_AT] + j]
+            forward = force + r[tab[tab[FORWARD] + j]] < r[tab[tab[BACKWARD] + j]] - force
+            mode[j] = 1 if forward else -1
+        elif w[found, j] < 0.0:
+            mode[j] = 0
+    for q in range(tab[Q]):
+        if w[found, tab[M] + q] < 0.0 and mode[tab[M] + q] == 0:
+            low, high, value = r[tab[tab[LOWER] + q]], r[tab[tab[UPPER] + q]], r[tab[MEMORY] + q]
+            r[tab[MEMORY] + q] = low if abs(low - value) < abs(high - value) else high
+    set_flags(tab, r, at)

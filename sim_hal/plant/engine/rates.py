@@ -1,0 +1,122 @@
+"""Rates of the states, friction forces in them, and their derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim_hal.plant.engine.friction import add_force, grip, hold, only_state, solve_small
+from sim_hal.plant.engine.machine import (
+    BACKWARD,
+    BACKWARD_SLOPE,
+    CONDITION,
+    DERIVATIVE,
+    DYNAMIC,
+    FORCE_AT,
+    FORWARD,
+    FORWARD_SLOPE,
+    INPUT,
+    JAC,
+    JACOBIAN,
+    NS,
+    NU,
+    OFF,
+    PER_FORCE,
+    RATES,
+    SEGMENT,
+    SLOPE,
+    START_VALUE,
+    STATE_AT,
+    TIME_AT,
+    VELOCITY,
+    WEIGHT,
+    M,
+    execute,
+)
+from sim_hal.plant.jit import compiled
+from sim_hal.plant.program import Floats, Ints
+
+
+@compiled
+def rates_at(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, t: float, x: int, rate: int) -> bool:
+    """Rates at time t and the state in row x go to row `rate`, friction forces to their registers. False: no grip.
+
+    States that do not count stand still.
+    """
+    r[tab[TIME_AT]] = t
+    for k in range(tab[NU]):
+        r[tab[INPUT] + k] = r[tab[START_VALUE] + k] + r[tab[SLOPE] + k] * (t - r[tab[SEGMENT]])
+    for s in range(tab[NS]):
+        r[tab[STATE_AT] + s] = w[x, s]
+    execute(code, tab[DYNAMIC], tab[DERIVATIVE], r)
+    for s in range(tab[NS]):
+        w[rate, s] = r[tab[tab[RATES] + s]] if w[WEIGHT, s] != 0.0 else 0.0
+    stuck = False
+    for j in range(tab[M]):
+        if mode[j] == 0:
+            stuck = True
+        elif mode[j] != OFF:
+            level = -r[tab[tab[FORWARD] + j]] if mode[j] > 0 else r[tab[tab[BACKWARD] + j]]
+            r[tab[FORCE_AT] + j] = level
+            add_force(tab, r, j, level, w, rate)
+    return hold(tab, r, mode, w, rate) if stuck else True
+
+
+@compiled
+def jacobian_at(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats) -> None:
+    """Derivatives of the rates where they were just evaluated.
+
+    An entry that is no finite number is left out: the steps that use the matrix do not need it to be exact.
+    """
+    execute(code, tab[DERIVATIVE], tab[CONDITION], r)
+    columns = tab[NS] + 1
+    for s in range(tab[NS]):
+        for c in range(columns):
+            known = r[tab[tab[JACOBIAN] + s * columns + c]]
+            w[JAC + s, c] = known if w[WEIGHT, s] != 0.0 else 0.0
+    stuck = 0
+    for j in range(tab[M]):
+        if mode[j] == 0:
+            stuck += 1
+        elif mode[j] != OFF:
+            slope = tab[FORWARD_SLOPE if mode[j] > 0 else BACKWARD_SLOPE] + j * columns
+            for s in range(tab[NS]):
+                per_force = -mode[j] * r[tab[tab[PER_FORCE] + j * tab[NS] + s]]
+                if per_force != 0.0:
+                    for c in range(columns):
+                        w[JAC + s, c] += per_force * r[tab[slope + c]]
+    if stuck > 0:
+        hold_still(tab, r, mode, w, stuck)
+    for s in range(tab[NS]):
+        for c in range(columns):
+            if not np.isfinite(w[JAC + s, c]):
+                w[JAC + s, c] = 0.0
+
+
+@compiled
+def hold_still(tab: Ints, r: Floats, mode: Ints, w: Floats, stuck: int) -> None:
+    """Take from the derivatives what the holding forces take from the rates."""
+    ns = tab[NS]
+    which = np.empty(stuck, np.int64)
+    n = 0
+    for j in range(tab[M]):
+        if mode[j] == 0 and grip(tab, r, j, j) != 0.0:
+            which[n] = j
+            n += 1
+    a, b = np.empty((n, n)), np.empty(n)
+    for c in range(ns + 1):
+        for i in range(n):
+            b[i] = 0.0
+            for s in range(ns):
+                b[i] -= r[tab[tab[VELOCITY] + which[i] * ns + s]] * w[JAC + s, c]
+            for k in range(n):
+                a[i, k] = grip(tab, r, which[i], which[k])
+        if not solve_small(a, b, n):
+            return
+        for i in range(n):
+            for s in range(ns):
+                w[JAC + s, c] += r[tab[tab[PER_FORCE] + which[i] * ns + s]] * b[i]
+    for i in range(n):
+        only = only_state(tab, r, which[i])
+        if only >= 0:
+            for c in range(ns + 1):
+                w[JAC + only, c] = 0.0

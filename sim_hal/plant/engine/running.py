@@ -1,0 +1,256 @@
+"""A run: step by step through the segments between known breaks, from sample to sample and event to event."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim_hal.plant.engine.events import apply_events, keep_memories, margins, settle, take_sides
+from sim_hal.plant.engine.friction import add_force, grip, relative_velocity, slide_rate
+from sim_hal.plant.engine.machine import (
+    CHANGE,
+    CHATTER,
+    CLOCK,
+    END,
+    END_OF_CODE,
+    FLAG,
+    FLAG_TIME,
+    FOUND,
+    HERE,
+    MOST_STEPS,
+    NF,
+    NS,
+    NU,
+    OFF,
+    OK,
+    OUTPUT,
+    OUTPUTS,
+    POINT,
+    RATE,
+    RATE_AT,
+    SCALE,
+    SEGMENT,
+    SLOPE,
+    START,
+    START_VALUE,
+    STATE,
+    STEPS,
+    TIME,
+    TOO_MANY_STEPS,
+    WANTED,
+    M,
+    execute,
+)
+from sim_hal.plant.engine.propagate import SERIES_REACH, along, strength
+from sim_hal.plant.engine.rates import jacobian_at, rates_at
+from sim_hal.plant.engine.stepping import AGAIN, locate, try_step
+from sim_hal.plant.jit import compiled, entry
+from sim_hal.plant.program import Floats, Ints
+
+SWING = 0.5
+"""Most by which an oscillation may go on within a step, in radians: what happens for less than a sixth of its period
+may be missed."""
+
+
+@compiled
+def start(tab: Ints, r: Floats, mode: Ints, w: Floats) -> None:
+    """Find what slides which way."""
+    for j in range(tab[M]):
+        if mode[j] != OFF:
+            v = relative_velocity(tab, r, j, w, STATE)
+            mode[j] = 1 if v > 0.0 else -1 if v < 0.0 else 0
+
+
+@compiled
+def open_segment(
+    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, at: float, values: Floats, slopes: Floats,
+    events: Floats,
+) -> int:  # fmt: skip
+    """Take over the inputs and events from a break on; gives the rates there (row START)."""
+    r[tab[SEGMENT]] = at
+    for k in range(tab[NU]):
+        r[tab[START_VALUE] + k] = values[k]
+        r[tab[SLOPE] + k] = slopes[k]
+    for i in range(tab[NF]):
+        if r[tab[FLAG] + i] == 0.0 and events[i] <= w[CLOCK, TIME]:
+            r[tab[FLAG] + i] = 1.0
+            r[tab[FLAG_TIME] + i] = events[i]
+    return settle(code, tab, r, mode, w, w[CLOCK, TIME])
+
+
+@compiled
+def accept(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, finish: float, look: int) -> None:
+    """Make a point the present state: stuck elements exactly still, memories carried along."""
+    w[CLOCK, TIME] = finish
+    for s in range(tab[NS]):
+        w[STATE, s] = w[POINT + look, s]
+        w[RATE + START, s] = w[RATE + look, s]
+    moved = False
+    for j in range(tab[M]):
+        if mode[j] == 0:
+            v = relative_velocity(tab, r, j, w, STATE)
+            if v != 0.0 and grip(tab, r, j, j) != 0.0:
+                add_force(tab, r, j, -v / grip(tab, r, j, j), w, STATE)
+                moved = True
+    for s in range(tab[NS]):
+        w[SCALE, s] = max(w[SCALE, s], abs(w[STATE, s]))
+    if moved:
+        rates_at(code, tab, r, mode, w, finish, STATE, RATE + START)
+    keep_memories(tab, r, mode)
+
+
+@compiled
+def turned_within(tab: Ints, r: Floats, mode: Ints, w: Floats, terms: int) -> float:
+    """First quarter of the step at which a sliding element has turned, or 0."""
+    found = 0.0
+    for quarter in range(1, 4):
+        along(tab, w, terms, 0.25 * quarter, CHANGE)
+        for s in range(tab[NS]):
+            w[POINT + HERE, s] = w[STATE, s] + w[CHANGE, s]
+        for j in range(tab[M]):
+            turned = abs(mode[j]) == 1 and mode[j] * relative_velocity(tab, r, j, w, POINT + HERE) < 0.0
+            if turned and found == 0.0:
+                found = 0.25 * quarter
+    return found
+
+
+@compiled
+def may_turn(tab: Ints, r: Floats, mode: Ints, w: Floats) -> bool:
+    """Whether a sliding element slows at the step's start and speeds up at its end: it may have turned briefly."""
+    found = False
+    for j in range(tab[M]):
+        if abs(mode[j]) == 1 and mode[j] * slide_rate(tab, r, j, w, RATE + START) < 0.0:
+            found = found or mode[j] * slide_rate(tab, r, j, w, RATE + END) > 0.0
+    return found
+
+
+@compiled
+def step_size(wanted: float, left: float, whole: float, stiff: bool) -> float:
+    """Size of the next step: at most what is wanted and what is left.
+
+    Stiff steps are the whole stretch between two samples halved some times: propagators of few sizes are needed.
+    """
+    h = left
+    if wanted < 0.999999 * left and not stiff:
+        h = left / np.ceil(left / wanted)
+    elif wanted < 0.999999 * left:
+        h = whole
+        while h > wanted or h > 1.000001 * left:
+            h *= 0.5
+        h = left if h > 0.999999 * left else h
+    return h
+
+
+@compiled
+def go_on(
+    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, until: float, whole: float, careful: float
+) -> tuple[int, int, float]:
+    """One step towards `until`, not past the first event.
+
+    `whole` is how long the way was from the last sample or event, `careful` the time up to which steps must tell what
+    is within them. A status, the number of events and the new `careful`.
+    """
+    size, swing = strength(w, tab[NS])
+    left = until - w[CLOCK, TIME]
+    most = min(w[CLOCK, WANTED], SWING / swing if swing > 0.0 else np.inf)
+    if w[CLOCK, TIME] < careful:
+        most = min(most, SERIES_REACH / size)
+    h = step_size(most, left, whole, size * min(most, left) > 1.001 * SERIES_REACH)
+    last = h == left
+    status, terms, share = try_step(code, tab, r, mode, w, h, last, size * h > 1.001 * SERIES_REACH)
+    events = 1 if share < 1.0 else 0
+    if status == OK and events == 0:
+        event = margins(code, tab, r, mode, w, POINT + END, RATE + END, FOUND + 1)
+        if event or may_turn(tab, r, mode, w):
+            quarter = turned_within(tab, r, mode, w, terms) if terms > 0 else 0.0
+            if terms == 0:
+                status, careful = AGAIN, w[CLOCK, TIME] + h
+            elif event or quarter > 0.0:
+                events = 1
+                share = locate(code, tab, r, mode, w, h, terms, quarter if quarter > 0.0 else 1.0)
+    if status == OK:
+        finish = until if last and share == 1.0 else w[CLOCK, TIME] + h * share
+        if events == 0:
+            take_sides(tab, r, mode, False)
+        else:
+            apply_events(tab, r, mode, w, FOUND + 1, finish)
+        accept(code, tab, r, mode, w, finish, END if events == 0 else HERE)
+        if events > 0:
+            status = settle(code, tab, r, mode, w, finish)
+    return status, events, careful
+
+
+@compiled
+def segment(
+    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, end: float, samples: Floats, done: int,
+    outputs: Floats, states: Floats,
+) -> tuple[int, int]:  # fmt: skip
+    """Go through a segment whose start is settled, giving the samples before its end; a status, and how many are done
+    in all.
+    """
+    at_once = 0  # events in a row without time passing
+    careful, whole_from, aim = -np.inf, w[CLOCK, TIME], -np.inf
+    status = OK
+    done = emit(code, tab, r, w, samples, done, outputs, states)
+    while status == OK and w[CLOCK, TIME] < end:
+        jacobian_at(code, tab, r, mode, w)
+        until = min(end, samples[done]) if done < len(samples) else end
+        before = w[CLOCK, TIME]
+        if until != aim:
+            aim, whole_from = until, before
+        status, events = AGAIN, 0
+        while status == AGAIN:
+            w[CLOCK, STEPS] += 1.0
+            status = TOO_MANY_STEPS
+            if w[CLOCK, STEPS] <= w[CLOCK, MOST_STEPS]:
+                status, events, careful = go_on(code, tab, r, mode, w, until, until - whole_from, careful)
+        if status == OK and events > 0:
+            whole_from = w[CLOCK, TIME]
+            at_once = at_once + 1 if whole_from - before < 1e-12 * max(1.0, abs(before)) else 0
+            if at_once > 200:
+                status = CHATTER
+        if status == OK and w[CLOCK, TIME] < end:
+            done = emit(code, tab, r, w, samples, done, outputs, states)
+    return status, done
+
+
+@compiled
+def emit(
+    code: Ints, tab: Ints, r: Floats, w: Floats, samples: Floats, done: int, outputs: Floats, states: Floats
+) -> int:
+    """Give the samples that are due at the point just evaluated; returns how many are done in all."""
+    while done < len(samples) and samples[done] <= w[CLOCK, TIME]:
+        for s in range(tab[NS]):
+            r[tab[RATE_AT] + s] = w[RATE + START, s]
+            states[done, s] = w[STATE, s]
+        execute(code, tab[OUTPUT], tab[END_OF_CODE], r)
+        for o in range(outputs.shape[1]):
+            outputs[done, o] = r[tab[tab[OUTPUTS] + o]]
+        done += 1
+    return done
+
+
+@entry
+def integrate(
+    code: Ints, tab: Ints, registers: Floats, modes: Ints, rooms: Floats, breaks: Floats, inputs: Floats,
+    slopes: Floats, events: Floats, samples: Floats, outputs: Floats, states: Floats, statuses: Ints,
+) -> None:  # fmt: skip
+    """Run machines one after the other through the same segments; each gets a status.
+
+    registers (n, registers), modes (n, modes) and rooms (n, rows, columns) are those of the machines, with
+    parameters, initial state, flags and memories filled in. breaks (nb,), inputs and slopes (nb, nu), events (nf,)
+    and samples (ns,) are the schedule's; fills outputs (n, ns, no) and states (n, ns, ns) at the samples.
+    """
+    for i in range(len(registers)):
+        r, mode, w = registers[i], modes[i], rooms[i]
+        start(tab, r, mode, w)
+        done, status = 0 * len(samples), OK  # no plain 0: see machine.py
+        for b in range(len(breaks)):
+            w[CLOCK, TIME] = breaks[b]
+            status = open_segment(code, tab, r, mode, w, breaks[b], inputs[b], slopes[b], events)
+            if status != OK:
+                break
+            end = breaks[min(b + 1, len(breaks) - 1)]
+            status, done = segment(code, tab, r, mode, w, end, samples, done, outputs[i], states[i])
+            if status != OK:
+                break
+        statuses[i] = status

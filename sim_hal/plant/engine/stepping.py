@@ -1,0 +1,274 @@
+"""One step: an exponential Rosenbrock method that stops at the order which suffices.
+
+Over a step the rates are f = f0 + L (y − y0) + F1 θ + D(θ), L their derivatives by the states and F1 that by time.
+Where the equations are linear D is 0 and the step exact. Else D, of which value and slope vanish at the start, is the
+cubic through its values at half and whole step: order 4, with the cubic's last term for the error (the method
+exprb43 of Hochbruck, Ostermann, Schweitzer, SIAM J. Numer. Anal. 47 (2009) 786), its stages repeated where they have
+not settled. L may be of an earlier step; what it lacks is in F1 and D.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim_hal.plant.engine.events import margins
+from sim_hal.plant.engine.machine import (
+    ABSOLUTE,
+    CHANGE,
+    CLOCK,
+    DEFECT,
+    END,
+    FORCE,
+    FORCED,
+    FOUND,
+    HALF,
+    HALF_STEP,
+    HERE,
+    JAC,
+    NF,
+    NO_PROPAGATOR,
+    NOT_FINITE,
+    NS,
+    NW,
+    OK,
+    POINT,
+    RATE,
+    RELATIVE,
+    SCALE,
+    SPARE,
+    START,
+    STATE,
+    STEP_VANISHED,
+    TIME,
+    WANTED,
+    WEIGHT,
+    WHOLE_STEP,
+    M,
+    Q,
+)
+from sim_hal.plant.engine.propagate import along, find, series, weigh
+from sim_hal.plant.engine.rates import rates_at
+from sim_hal.plant.jit import compiled
+from sim_hal.plant.program import Floats, Ints
+
+FLOOR = 0.01
+"""Share of a state's largest value so far below which its relative tolerance no longer shrinks."""
+MIN_STEP = 1e-14
+LINEAR = 0.1
+"""Share of the tolerance within which D is taken for 0."""
+SWEEPS = 3
+AGAIN = -1
+
+
+@compiled
+def error_of(tab: Ints, w: Floats, h: float, place: int, end: int) -> float:
+    """What a term θ² of F, in row CHANGE, adds to the increment relative to the tolerance: largest of all states."""
+    n = tab[NS]
+    if place > 0:
+        weigh(tab, w, place + 3 * n, CHANGE, 1, SPARE)
+    worst = 0.0
+    for s in range(n):
+        error = w[SPARE, s] if place > 0 else h / 3.0 * w[CHANGE, s]
+        size = max(abs(w[end, s]), abs(w[STATE, s]), FLOOR * w[SCALE, s])
+        share = w[WEIGHT, s] * abs(error) / (w[CLOCK, ABSOLUTE] + w[CLOCK, RELATIVE] * size)
+        if not share <= worst:  # also catches what is not a number
+            worst = share
+    return float(worst)
+
+
+@compiled
+def go_to(
+    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, at: float, share: float, look: int, matrix: int
+) -> bool:
+    """Add row CHANGE to the state: point and rates (rows `look`) there, and D in its place. False: no grip."""
+    n = tab[NS]
+    for s in range(n):
+        w[POINT + look, s] = w[STATE, s] + w[CHANGE, s]
+    held = rates_at(code, tab, r, mode, w, at, POINT + look, RATE + look)
+    for s in range(n):
+        w[SPARE, s] = w[CHANGE, s]
+    for s in range(n):
+        total = w[RATE + look, s] - w[FORCE, s] - w[FORCE + 1, s] * share
+        for c in range(n):
+            total -= w[matrix + s, c] * w[SPARE, c]
+        w[CHANGE, s] = total
+    return held
+
+
+@compiled
+def reach(
+    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, place: int, half: int
+) -> tuple[bool, int]:
+    """Go to the step's end (half 0) or middle (1) under the present F: point, rates and D there.
+
+    Whether there is grip, and the length of the Taylor series (0 with a kept propagator, at row `place`).
+    """
+    terms = 0
+    share = 0.5 if half == 1 else 1.0
+    if place > 0:
+        weigh(tab, w, place + tab[NS] * (1 + 4 * half), FORCE, 4, CHANGE)
+    else:
+        terms = series(tab, w, h)
+        along(tab, w, terms, share, CHANGE)
+    matrix = place if place > 0 else JAC
+    held = go_to(code, tab, r, mode, w, w[CLOCK, TIME] + share * h, share, HALF if half == 1 else END, matrix)
+    for s in range(tab[NS]):
+        w[DEFECT + half, s] = w[CHANGE, s]
+    return held and (place > 0 or terms > 0), terms
+
+
+@compiled
+def linear(
+    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, place: int
+) -> tuple[float, int]:
+    """The step as if all were linear: its error, and the length of its Taylor series (0 with a kept propagator)."""
+    n = tab[NS]
+    for s in range(n):
+        w[FORCE, s] = w[RATE + START, s]
+        slope = w[JAC + s, n]
+        if place > 0:
+            for c in range(n):
+                slope += (w[JAC + s, c] - w[place + s, c]) * w[RATE + START, c]
+        w[FORCE + 1, s] = h * slope
+        w[FORCE + 2, s] = w[FORCE + 3, s] = 0.0
+    held, terms = reach(code, tab, r, mode, w, h, place, WHOLE_STEP)
+    error = error_of(tab, w, h, place, POINT + END)
+    return error if held else np.nan, terms
+
+
+@compiled
+def cubic(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, place: int) -> tuple[float, int]:
+    """The step with D, after `linear`: its error and the length of its Taylor series."""
+    n = tab[NS]
+    terms, error = 0, np.nan
+    for s in range(n):
+        w[FORCE + 2, s] = w[DEFECT, s]
+    for _ in range(SWEEPS):
+        held, terms = reach(code, tab, r, mode, w, h, place, HALF_STEP)
+        for s in range(n):
+            w[FORCE + 2, s] = 8.0 * w[DEFECT + 1, s] - w[DEFECT, s]
+            w[FORCE + 3, s] = 2.0 * w[DEFECT, s] - 8.0 * w[DEFECT + 1, s]
+            w[POINT + HALF, s] = w[DEFECT, s]
+        kept, terms = reach(code, tab, r, mode, w, h, place, WHOLE_STEP)
+        for s in range(n):
+            w[CHANGE, s] = 0.75 * w[FORCE + 3, s]
+        bent = error_of(tab, w, h, place, POINT + END)
+        for s in range(n):
+            w[CHANGE, s] = w[DEFECT, s] - w[POINT + HALF, s]
+        unsettled = error_of(tab, w, h, place, POINT + END)
+        error = bent + unsettled if held and kept else np.nan
+        if error <= 1.0 or not bent <= 1.0:
+            break
+    return error, terms
+
+
+@compiled
+def try_step(
+    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, last: bool, stiff: bool
+) -> tuple[int, int, float]:
+    """A step of size h with error control.
+
+    OK, AGAIN to try with the smaller step, or what is wrong; the length of its Taylor series, 0 where there is none
+    to tell what is within the step; the share of it up to which it counts, below 1 where it was found to end at an
+    event (whose margins are in row FOUND + 1).
+    """
+    place = find(tab, w, h) if stiff else NO_PROPAGATOR
+    error, terms = linear(code, tab, r, mode, w, h, place)
+    status, share, wanted = OK, 1.0, h * (5.0 if error < 1e-3 * LINEAR else 2.0)
+    if not error <= LINEAR:
+        hit = terms > 0 and margins(code, tab, r, mode, w, POINT + END, RATE + END, FOUND + 1)
+        if hit:
+            share = locate(code, tab, r, mode, w, h, terms, 1.0)
+            hit = linear_up_to(code, tab, r, mode, w, h, share, terms)
+        if hit:
+            wanted = w[CLOCK, WANTED]
+        else:
+            share = 1.0
+            error, terms = cubic(code, tab, r, mode, w, h, place)
+            finite = np.isfinite(error)
+            wanted = h * (min(5.0, max(0.2, 0.9 * max(error, 1e-4) ** -0.25)) if finite else 0.1)
+            if not error <= 1.0:
+                status = AGAIN
+                if wanted < MIN_STEP * max(1.0, abs(w[CLOCK, TIME])):
+                    status = vanished(w, finite)
+    w[CLOCK, WANTED] = max(wanted, w[CLOCK, WANTED]) if last and status == OK else wanted
+    if status == OK:
+        w[CLOCK, FORCED] = max(0.0, w[CLOCK, FORCED] - 1.0)
+    return status, terms, share
+
+
+@compiled
+def vanished(w: Floats, finite: bool) -> int:
+    """What to do about a step that cannot be made smaller: once it is taken, for a jump at its start does no harm."""
+    if finite and w[CLOCK, FORCED] == 0.0:
+        w[CLOCK, FORCED] = 2.0
+        return OK
+    return STEP_VANISHED if finite else NOT_FINITE
+
+
+@compiled
+def linear_up_to(
+    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, share: float, terms: int
+) -> bool:
+    """Whether all was linear up to the point HERE, at a share of the step."""
+    along(tab, w, terms, share, CHANGE)
+    held = go_to(code, tab, r, mode, w, w[CLOCK, TIME] + share * h, share, HERE, JAC)
+    return held and error_of(tab, w, h * share, NO_PROPAGATOR, POINT + HERE) <= LINEAR
+
+
+@compiled
+def hits(
+    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, terms: int, share: float, found: int
+) -> bool:
+    """Whether something has happened by `share` of the step just taken; its margins go to row `found`."""
+    along(tab, w, terms, share, CHANGE)
+    for s in range(tab[NS]):
+        w[POINT + HERE, s] = w[STATE, s] + w[CHANGE, s]
+    held = rates_at(code, tab, r, mode, w, w[CLOCK, TIME] + share * h, POINT + HERE, RATE + HERE)
+    hit = margins(code, tab, r, mode, w, POINT + HERE, RATE + HERE, found)
+    return hit or not held
+
+
+@compiled
+def guess(tab: Ints, w: Floats, low: float, high: float, bias: float) -> float:
+    """Where between two shares of a step the first margin vanishes, by straight lines."""
+    middle = high
+    for i in range(tab[M] + tab[Q] + tab[NW] + tab[NF]):
+        below, above = bias * w[FOUND, i], w[FOUND + 1, i]
+        if above < 0.0:
+            middle = min(middle, low + (high - low) * (below / (below - above) if below > 0.0 else 0.5))
+    return middle
+
+
+@compiled
+def locate(
+    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, terms: int, share: float
+) -> float:
+    """Share of the step at which the first thing happens, given one by which something has.
+
+    Regula falsi on the margin that vanishes first, with the Illinois rule. Point, rates (rows HERE), registers and
+    margins (row FOUND + 1) are left as they are just behind it.
+    """
+    low, high = 0.0, share
+    hits(code, tab, r, mode, w, h, terms, low, FOUND)
+    hits(code, tab, r, mode, w, h, terms, high, FOUND + 1)
+    least = 1e-15 + 2e-16 * abs(w[CLOCK, TIME]) / h
+    bias, before = 1.0, 0
+    for count in range(200):
+        if high - low <= least:
+            break
+        middle = guess(tab, w, low, high, bias) if count % 4 != 3 else 0.5 * (low + high)
+        middle = min(max(middle, low + 0.5 * least), high - 0.5 * least)
+        if not low < middle < high:
+            break
+        if hits(code, tab, r, mode, w, h, terms, middle, FOUND + 2):
+            high = middle
+            bias, before = (0.5 * bias if before == 1 else 1.0), 1
+        else:
+            low = middle
+            bias, before = (2.0 * bias if before == -1 else 1.0), -1
+        side = FOUND + 1 if before == 1 else FOUND
+        for i in range(w.shape[1]):
+            w[side, i] = w[FOUND + 2, i]
+    hits(code, tab, r, mode, w, h, terms, high, FOUND + 1)
+    return high
