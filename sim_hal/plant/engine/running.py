@@ -46,9 +46,9 @@ from sim_hal.plant.engine.stepping import AGAIN, locate, try_step
 from sim_hal.plant.jit import compiled, entry
 from sim_hal.plant.program import Floats, Ints
 
-SWING = 0.5
-"""Most by which an oscillation may go on within a step, in radians: what happens for less than a sixth of its period
-may be missed."""
+SWING = 0.1
+"""Most by which an oscillation may go on within a step, in radians: a foot that only grazes the soil between two looks
+would be missed."""
 
 
 @compiled
