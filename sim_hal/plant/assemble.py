@@ -96,7 +96,7 @@ def _reserve(builder: Builder, model: Model, parameters: tuple[str, ...], flags:
         memory=builder.block([_stored(name) for name in model.memories], dynamic),
         at_lower=builder.room(len(model.memories), dynamic),
         at_upper=builder.room(len(model.memories), dynamic),
-        rate=builder.room(len(states), Section.OUTPUT),
+        rate=builder.room(len(states), Section.CONDITION),
         force=builder.room(len(model.elements), dynamic),
     )
     builder.flag_of = {name: (layout.flag + n, layout.flag_time + n) for n, name in enumerate(flags)}
@@ -116,9 +116,11 @@ def _emit(
     limits = _columns([*_memories(builder, model, states)], 4)
     rates = [builder.emit(model.rates[name], Section.DYNAMIC) for name in states]
     elements = _columns([_element(builder, element, model, states) for element in model.elements], 5)
-    slopes = _derivatives(builder, model, layout, limits)
+    followers = _followers(builder, model, layout, limits)
+    slopes = _derivatives(builder, layout, followers, [*rates, *elements[3], *elements[4]])
     watches, kinks = builder.watches()
     conditions = [builder.emit(margin(flag), Section.CONDITION) for flag in model.structure.flags.values()]
+    trends = _trends(builder, layout, followers, [*watches, *conditions])
     zero = builder.constant(0.0)
     by = range(len(states) + 1)
     lists = {
@@ -132,6 +134,7 @@ def _emit(
         **dict(zip(("lower", "upper", "lower_slope", "upper_slope"), limits, strict=True)),
         "conditions": conditions + [-1] * len(model.structure.events),
         "watches": watches,
+        "trends": trends + [zero] * len(model.structure.events),
         "outputs": [builder.emit(node, Section.OUTPUT) for node in outputs.values()],
     }
     starts = np.cumsum([len(layout), *(len(entries) for entries in lists.values())]).tolist()
@@ -141,19 +144,43 @@ def _emit(
     return layout, table, tuple(kinks)
 
 
-def _derivatives(
+def _followers(
     builder: Builder, model: Model, layout: Layout, limits: list[list[int]]
-) -> list[dict[int, int]]:
-    """Tangents of all dynamic registers by each state and, last, by time, along which inputs have their slopes."""
-    one = builder.constant(1.0)
+) -> dict[int, Follower]:
+    """What each memory follows, by the register of its value."""
     lower, upper = limits[:2]
-    memories = {
+    return {
         builder.symbols[name]: Follower(layout.at_lower + q, layout.at_upper + q, lower[q], upper[q])
         for q, name in enumerate(model.memories)
     }
-    clock = {layout.time: one} | {layout.input + k: layout.slope + k for k in range(layout.nu)}
+
+
+def _clock(builder: Builder, layout: Layout) -> dict[int, int]:
+    """Tangents of time and, along their slopes, of the inputs."""
+    return {layout.time: builder.constant(1.0)} | {
+        layout.input + k: layout.slope + k for k in range(layout.nu)
+    }
+
+
+def _derivatives(
+    builder: Builder, layout: Layout, followers: dict[int, Follower], wanted: list[int]
+) -> list[dict[int, int]]:
+    """Tangents of dynamic registers by each state and, last, by time."""
+    one = builder.constant(1.0)
     seeds = [{layout.state + s: one} for s in range(layout.ns)]
-    return [tangents(builder, seed, memories) for seed in (*seeds, clock)]
+    return [
+        tangents(builder, seed, followers, wanted, Section.JACOBIAN)
+        for seed in (*seeds, _clock(builder, layout))
+    ]
+
+
+def _trends(
+    builder: Builder, layout: Layout, followers: dict[int, Follower], watched: list[int]
+) -> list[int]:
+    """Registers of the rates of watched registers along the solution, the rates of the states being given."""
+    seeds = _clock(builder, layout) | {layout.state + s: layout.rate + s for s in range(layout.ns)}
+    found = tangents(builder, seeds, followers, watched, Section.CONDITION)
+    return [found.get(register, builder.constant(0.0)) for register in watched]
 
 
 def _columns(rows: Sequence[tuple[int | list[int], ...]], count: int) -> list[list[int]]:

@@ -98,6 +98,7 @@ class Layout(NamedTuple):
     upper_slope: int = 0  # (q, ns)
     conditions: int = 0  # (nf,), −1 for an event, which latches at a given time
     watches: int = 0  # (nw,): what changes sign at a kink of the rates
+    trends: int = 0  # (nw + nf,): rates of these and of the flags' conditions along the solution
     outputs: int = 0  # (no,)
     dynamic: int = 0  # instructions from here on; the static section begins at 0
     derivative: int = 0

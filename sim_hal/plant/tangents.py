@@ -6,7 +6,7 @@ and their tangents. Zeros are left out and equal formulas shared: what stays is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from sim_hal.plant.program import OPCODES, Builder, Section
@@ -24,14 +24,27 @@ class Follower(NamedTuple):
     upper: int
 
 
-def tangents(builder: Builder, seeds: Mapping[int, int], memories: Mapping[int, Follower]) -> dict[int, int]:
+def tangents(
+    builder: Builder,
+    seeds: Mapping[int, int],
+    memories: Mapping[int, Follower],
+    wanted: Iterable[int],
+    section: Section,
+) -> dict[int, int]:
     """Registers of the tangents along one direction, by register; where there is none the tangent is 0.
 
-    `seeds` gives those of the leaves, `memories` the registers that hold a memory's value.
+    `seeds` gives those of the leaves, `memories` the registers that hold a memory's value. Found are those of the
+    `wanted` registers and of what they are made of, available in a section: JACOBIAN or CONDITION.
     """
-    rules = _Rules(builder)
+    rules = _Rules(builder, section)
     found = dict(seeds)
-    for code, target, *operands in builder.lines(Section.DYNAMIC):
+    lines = builder.lines(Section.DYNAMIC)
+    if section is Section.CONDITION:
+        lines += builder.lines(section)
+    needed = _ancestors(lines, memories, wanted)
+    for code, target, *operands in lines:
+        if target not in needed:
+            continue
         if target in memories:
             tangent = rules.memory(memories[target], found)
         else:
@@ -41,11 +54,29 @@ def tangents(builder: Builder, seeds: Mapping[int, int], memories: Mapping[int, 
     return found
 
 
+def _ancestors(
+    lines: Iterable[tuple[int, ...]], memories: Mapping[int, Follower], wanted: Iterable[int]
+) -> set[int]:
+    """The wanted registers and all that they are made of."""
+    made_of = {target: operands[: _ARITY.get(_NAMES[code], 1)] for code, target, *operands in lines}
+    found: set[int] = set()
+    waiting = list(wanted)
+    while waiting:
+        register = waiting.pop()
+        if register not in found:
+            found.add(register)
+            follower = memories.get(register)
+            limits = (follower.lower, follower.upper) if follower else made_of.get(register, ())
+            waiting.extend(limits)
+    return found
+
+
 class _Rules:
     """Rules of differentiation; a tangent of None is 0."""
 
-    def __init__(self, builder: Builder) -> None:
+    def __init__(self, builder: Builder, section: Section) -> None:
         self._builder = builder
+        self._section = section
         self._one = builder.constant(1.0)
         self._zero = builder.constant(0.0)
 
@@ -117,7 +148,7 @@ class _Rules:
         return self._add(self._times(parts[0], lowered), exponent)
 
     def _emit(self, op: str, *operands: int) -> int:
-        return self._builder.instruction(op, operands, Section.JACOBIAN)
+        return self._builder.instruction(op, operands, self._section)
 
     def _add(self, a: int | None, b: int | None) -> int | None:
         if a is None or b is None:

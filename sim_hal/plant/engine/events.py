@@ -6,11 +6,14 @@ friction elements, memories, kinks, flags.
 
 from __future__ import annotations
 
-from sim_hal.plant.engine.friction import band, dot, hold_margin, relative_velocity, release
+import numpy as np
+
+from sim_hal.plant.engine.friction import band, dot, hold_margin, relative_velocity, release, slide_rate
 from sim_hal.plant.engine.machine import (
     AT_LOWER,
     AT_UPPER,
     BACKWARD,
+    BEFORE,
     CHATTER,
     CONDITION,
     CONDITIONS,
@@ -19,6 +22,8 @@ from sim_hal.plant.engine.machine import (
     FLAG_TIME,
     FORCE_AT,
     FORWARD,
+    FOUND,
+    HIGH,
     IDLE,
     LOWER,
     LOWER_SLOPE,
@@ -31,8 +36,11 @@ from sim_hal.plant.engine.machine import (
     OK,
     OUTPUT,
     RATE,
+    RATE_AT,
     START,
     STATE,
+    TREND,
+    TRENDS,
     UPPER,
     UPPER_SLOPE,
     WATCHES,
@@ -61,13 +69,20 @@ def set_flags(tab: Ints, r: Floats, at: float) -> bool:
 
 
 @compiled
-def take_sides(tab: Ints, r: Floats, mode: Ints, every: bool) -> None:
-    """Note on which side of each kink the state is; of those only that were on it, unless `every`."""
+def take_sides(tab: Ints, r: Floats, mode: Ints, every: bool) -> bool:
+    """Note on which side of each kink the state is; of those only that were on it, unless `every`.
+
+    Whether there is any change.
+    """
     first = tab[M] + tab[Q]
+    found = False
     for k in range(tab[NW]):
         if mode[first + k] == 0 or (every and mode[first + k] != IDLE):
             value = r[tab[tab[WATCHES] + k]]
-            mode[first + k] = 1 if value > 0.0 else -1 if value < 0.0 else 0
+            side = 1 if value > 0.0 else -1 if value < 0.0 else 0
+            found = found or side != mode[first + k]
+            mode[first + k] = side
+    return found
 
 
 @compiled
@@ -140,46 +155,88 @@ def memory_margin(tab: Ints, r: Floats, q: int, mode: int, w: Floats, rate: int)
 
 @compiled
 def margins(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, x: int, rate: int, found: int) -> bool:
-    """All margins at the point (rows x and `rate`) just evaluated go to row `found`; whether any is negative."""
+    """All margins at the point (rows x and `rate`) just evaluated, and their rates; whether any is negative.
+
+    They go to the rows FOUND and TREND of `found`. A rate of 0 stands for one that is not known.
+    """
+    for s in range(tab[NS]):
+        r[tab[RATE_AT] + s] = w[rate, s]
     execute(code, tab[CONDITION], tab[OUTPUT], r)
     for j in range(tab[M]):
-        margin = 1.0
+        margin, trend = 1.0, 0.0
         if mode[j] == 0:
             margin = hold_margin(tab, r, j)
         elif mode[j] != OFF:
             margin = mode[j] * relative_velocity(tab, r, j, w, x)
-        w[found, j] = margin
+            trend = mode[j] * slide_rate(tab, r, j, w, rate)
+        w[FOUND + found, j], w[TREND + found, j] = margin, trend
     first = tab[M]
     for q in range(tab[Q]):
-        w[found, first + q] = memory_margin(tab, r, q, mode[first + q], w, rate)
+        w[FOUND + found, first + q] = memory_margin(tab, r, q, mode[first + q], w, rate)
+        w[TREND + found, first + q] = memory_trend(tab, r, q, mode[first + q], w, rate)
     first += tab[Q]
     for k in range(tab[NW]):
-        w[found, first + k] = mode[first + k] * r[tab[tab[WATCHES] + k]] if abs(mode[first + k]) == 1 else 1.0
+        side = mode[first + k] if abs(mode[first + k]) == 1 else 0
+        w[FOUND + found, first + k] = side * r[tab[tab[WATCHES] + k]] if side != 0 else 1.0
+        w[TREND + found, first + k] = side * r[tab[tab[TRENDS] + k]]
     first += tab[NW]
     for i in range(tab[NF]):
         condition = tab[tab[CONDITIONS] + i]
-        margin = 1.0
+        margin, trend = 1.0, 0.0
         if condition >= 0 and r[tab[FLAG] + i] == 0.0:
             margin = -r[condition] if r[condition] != 0.0 else JUST_MET
-        w[found, first + i] = margin
+            trend = -r[tab[tab[TRENDS] + tab[NW] + i]]
+        w[FOUND + found, first + i], w[TREND + found, first + i] = margin, trend
     hit = False
     for i in range(first + tab[NF]):
-        hit = hit or w[found, i] < 0.0
+        hit = hit or w[FOUND + found, i] < 0.0
     return hit
+
+
+@compiled
+def memory_trend(tab: Ints, r: Floats, q: int, mode: int, w: Floats, rate: int) -> float:
+    """Rate of a memory's margin while it holds."""
+    trend = 0.0
+    if mode == 0:
+        value, lower, upper = r[tab[MEMORY] + q], tab[LOWER] + q, tab[UPPER] + q
+        if value - r[tab[lower]] < r[tab[upper]] - value:
+            trend = -dot(tab, r, tab[LOWER_SLOPE] + q * tab[NS], w, rate)
+        else:
+            trend = dot(tab, r, tab[UPPER_SLOPE] + q * tab[NS], w, rate)
+    return trend
+
+
+@compiled
+def dip(w: Floats, h: float, i: int) -> float:
+    """Share of a step at which margin i, positive at both ends, may have been negative, or 0.
+
+    Where its tangents at the ends cross below 0, the cubic through its values and rates tells where it is lowest.
+    """
+    before, after = w[FOUND + BEFORE, i], w[FOUND + HIGH, i]
+    falls, rises = -h * w[TREND + BEFORE, i], h * w[TREND + HIGH, i]
+    share = 0.0
+    if falls > 0.0 and rises > 0.0 and before > 0.0 and after > 0.0:
+        meet = (before - after + rises) / (falls + rises)
+        if 0.0 < meet < 1.0 and before < falls * meet:
+            bend = 3.0 * (after - before) + 2.0 * falls - rises
+            root = bend * bend + 3.0 * falls * (rises - falls - 2.0 * (after - before))
+            lowest = falls / (bend + np.sqrt(root)) if root > 0.0 else meet
+            share = lowest if 0.0 < lowest < 1.0 else meet
+    return share
 
 
 @compiled
 def apply_events(tab: Ints, r: Floats, mode: Ints, w: Floats, found: int, at: float) -> None:
     """Change the modes of what has a negative margin, at the point just evaluated at time `at`."""
     for j in range(tab[M]):
-        if w[found, j] < 0.0 and mode[j] == 0:
+        if w[FOUND + found, j] < 0.0 and mode[j] == 0:
             force = r[tab[FORCE_AT] + j]
             forward = force + r[tab[tab[FORWARD] + j]] < r[tab[tab[BACKWARD] + j]] - force
             mode[j] = 1 if forward else -1
-        elif w[found, j] < 0.0:
+        elif w[FOUND + found, j] < 0.0:
             mode[j] = 0
     for q in range(tab[Q]):
-        if w[found, tab[M] + q] < 0.0 and mode[tab[M] + q] == 0:
+        if w[FOUND + found, tab[M] + q] < 0.0 and mode[tab[M] + q] == 0:
             low, high, value = r[tab[tab[LOWER] + q]], r[tab[tab[UPPER] + q]], r[tab[MEMORY] + q]
             r[tab[MEMORY] + q] = low if abs(low - value) < abs(high - value) else high
     set_flags(tab, r, at)

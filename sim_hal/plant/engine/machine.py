@@ -33,7 +33,7 @@ assert len(OPCODES) == _SQUARE + 1
 (STATE_AT, MEMORY, AT_LOWER, AT_UPPER, RATE_AT, FORCE_AT) = range(14, 20)
 (RATES, JACOBIAN, VELOCITY, VELOCITY_OFFSET, PER_FORCE, FORWARD, BACKWARD) = range(20, 27)
 (FORWARD_SLOPE, BACKWARD_SLOPE, LOWER, UPPER, LOWER_SLOPE, UPPER_SLOPE) = range(27, 33)
-(CONDITIONS, WATCHES, OUTPUTS, DYNAMIC, DERIVATIVE, CONDITION, OUTPUT, END_OF_CODE) = range(33, 41)
+(CONDITIONS, WATCHES, TRENDS, OUTPUTS, DYNAMIC, DERIVATIVE, CONDITION, OUTPUT, END_OF_CODE) = range(33, 42)
 assert Layout._fields[NW] == "nw" and Layout._fields[FORCE_AT] == "force"
 assert Layout._fields[LOWER] == "lower" and len(Layout._fields) == END_OF_CODE + 1
 
@@ -46,12 +46,13 @@ def _places(*numbers: int) -> tuple[int, ...]:
 # Rows of w. CLOCK has in its columns: time, wanted step size, steps tried, tolerances, largest number of steps,
 # whether the last step was taken in spite of its error.
 # SCALE is the largest magnitude of each state so far, WEIGHT 0 where a state does not count. FOUND: margins at both
-# sides of an event and between. Rates and points have four rows each: at a step's start, end and middle, and
-# wherever one looks.
-CLOCK, STATE, SCALE, WEIGHT, FOUND, FORCE, DEFECT, CHANGE = _places(0, 1, 2, 3, 4, 7, 11, 13)
-SPARE, RATE, POINT, TERMS = _places(14, 15, 19, 23)
+# sides of an event, between, and at the step's start; TREND: their rates. Rates and points have four rows each: at a
+# step's start, end and middle, and wherever one looks.
+CLOCK, STATE, SCALE, WEIGHT, FOUND, TREND, FORCE, DEFECT, CHANGE = _places(0, 1, 2, 3, 4, 8, 12, 16, 18)
+SPARE, RATE, POINT, TERMS = _places(19, 20, 24, 28)
 TIME, WANTED, STEPS, RELATIVE, ABSOLUTE, MOST_STEPS, FORCED = _places(0, 1, 2, 3, 4, 5, 6)
 START, END, HALF, HERE = _places(0, 1, 2, 3)
+LOW, HIGH, BETWEEN, BEFORE = _places(0, 1, 2, 3)
 WHOLE_STEP, HALF_STEP, NO_PROPAGATOR = _places(0, 1, 0)
 LONGEST = 40  # terms of a Taylor series
 KEPT = TERMS + LONGEST  # propagators in use, the last one made, step size of each

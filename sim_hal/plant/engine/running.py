@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim_hal.plant.engine.events import apply_events, keep_memories, margins, settle, take_sides
-from sim_hal.plant.engine.friction import add_force, grip, relative_velocity, slide_rate
+from sim_hal.plant.engine.events import apply_events, dip, keep_memories, margins, settle, take_sides
+from sim_hal.plant.engine.friction import add_force, grip, relative_velocity
 from sim_hal.plant.engine.machine import (
-    CHANGE,
+    BEFORE,
+    BETWEEN,
     CHATTER,
     CLOCK,
     END,
@@ -16,10 +17,12 @@ from sim_hal.plant.engine.machine import (
     FLAG_TIME,
     FOUND,
     HERE,
+    HIGH,
     MOST_STEPS,
     NF,
     NS,
     NU,
+    NW,
     OFF,
     OK,
     OUTPUT,
@@ -36,19 +39,21 @@ from sim_hal.plant.engine.machine import (
     STEPS,
     TIME,
     TOO_MANY_STEPS,
+    TREND,
     WANTED,
     M,
+    Q,
     execute,
 )
-from sim_hal.plant.engine.propagate import SERIES_REACH, along, strength
+from sim_hal.plant.engine.propagate import SERIES_REACH, strength
 from sim_hal.plant.engine.rates import jacobian_at, rates_at
-from sim_hal.plant.engine.stepping import AGAIN, locate, try_step
+from sim_hal.plant.engine.stepping import AGAIN, hits, locate, try_step
 from sim_hal.plant.jit import compiled, entry
 from sim_hal.plant.program import Floats, Ints
 
-SWING = 0.1
-"""Most by which an oscillation may go on within a step, in radians: a foot that only grazes the soil between two looks
-would be missed."""
+SWING = 0.5
+"""Most by which an oscillation may go on within a step, in radians: what happens between two looks is told by the
+values and rates at both, which serves for less than half a turn."""
 
 
 @compiled
@@ -99,27 +104,18 @@ def accept(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, finish: floa
 
 
 @compiled
-def turned_within(tab: Ints, r: Floats, mode: Ints, w: Floats, terms: int) -> float:
-    """First quarter of the step at which a sliding element has turned, or 0."""
-    found = 0.0
-    for quarter in range(1, 4):
-        along(tab, w, terms, 0.25 * quarter, CHANGE)
-        for s in range(tab[NS]):
-            w[POINT + HERE, s] = w[STATE, s] + w[CHANGE, s]
-        for j in range(tab[M]):
-            turned = abs(mode[j]) == 1 and mode[j] * relative_velocity(tab, r, j, w, POINT + HERE) < 0.0
-            if turned and found == 0.0:
-                found = 0.25 * quarter
-    return found
+def within(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, terms: int) -> float:
+    """Share of the step taken by which something has happened that its end does not show, 1 if nothing has.
 
-
-@compiled
-def may_turn(tab: Ints, r: Floats, mode: Ints, w: Floats) -> bool:
-    """Whether a sliding element slows at the step's start and speeds up at its end: it may have turned briefly."""
-    found = False
-    for j in range(tab[M]):
-        if abs(mode[j]) == 1 and mode[j] * slide_rate(tab, r, j, w, RATE + START) < 0.0:
-            found = found or mode[j] * slide_rate(tab, r, j, w, RATE + END) > 0.0
+    Negative where that cannot be told, for want of a series.
+    """
+    found = 1.0
+    for i in range(tab[M] + tab[Q] + tab[NW] + tab[NF]):
+        share = dip(w, h, i)
+        if share > 0.0 and terms == 0:
+            return -1.0
+        if share > 0.0 and share < found and hits(code, tab, r, mode, w, h, terms, share, BETWEEN):
+            found = share
     return found
 
 
@@ -159,23 +155,28 @@ def go_on(
     status, terms, share = try_step(code, tab, r, mode, w, h, last, size * h > 1.001 * SERIES_REACH)
     events = 1 if share < 1.0 else 0
     if status == OK and events == 0:
-        event = margins(code, tab, r, mode, w, POINT + END, RATE + END, FOUND + 1)
-        if event or may_turn(tab, r, mode, w):
-            quarter = turned_within(tab, r, mode, w, terms) if terms > 0 else 0.0
-            if terms == 0:
-                status, careful = AGAIN, w[CLOCK, TIME] + h
-            elif event or quarter > 0.0:
-                events = 1
-                share = locate(code, tab, r, mode, w, h, terms, quarter if quarter > 0.0 else 1.0)
+        event = margins(code, tab, r, mode, w, POINT + END, RATE + END, HIGH)
+        share = within(code, tab, r, mode, w, h, terms)
+        if share < 0.0 or (event and terms == 0):
+            status, careful = AGAIN, w[CLOCK, TIME] + h
+        elif event or share < 1.0:
+            events = 1
+            share = locate(code, tab, r, mode, w, h, terms, share)
     if status == OK:
         finish = until if last and share == 1.0 else w[CLOCK, TIME] + h * share
-        if events == 0:
-            take_sides(tab, r, mode, False)
+        changed = events > 0
+        if changed:
+            apply_events(tab, r, mode, w, HIGH, finish)
         else:
-            apply_events(tab, r, mode, w, FOUND + 1, finish)
+            changed = take_sides(tab, r, mode, False)
         accept(code, tab, r, mode, w, finish, END if events == 0 else HERE)
         if events > 0:
             status = settle(code, tab, r, mode, w, finish)
+        if changed:
+            margins(code, tab, r, mode, w, STATE, RATE + START, BEFORE)
+        else:
+            for i in range(w.shape[1]):
+                w[FOUND + BEFORE, i], w[TREND + BEFORE, i] = w[FOUND + HIGH, i], w[TREND + HIGH, i]
     return status, events, careful
 
 
@@ -190,6 +191,7 @@ def segment(
     at_once = 0  # events in a row without time passing
     careful, whole_from, aim = -np.inf, w[CLOCK, TIME], -np.inf
     status = OK
+    margins(code, tab, r, mode, w, STATE, RATE + START, BEFORE)
     done = emit(code, tab, r, w, samples, done, outputs, states)
     while status == OK and w[CLOCK, TIME] < end:
         jacobian_at(code, tab, r, mode, w)

@@ -14,6 +14,8 @@ import numpy as np
 from sim_hal.plant.engine.events import margins
 from sim_hal.plant.engine.machine import (
     ABSOLUTE,
+    BEFORE,
+    BETWEEN,
     CHANGE,
     CLOCK,
     DEFECT,
@@ -24,7 +26,9 @@ from sim_hal.plant.engine.machine import (
     HALF,
     HALF_STEP,
     HERE,
+    HIGH,
     JAC,
+    LOW,
     NF,
     NO_PROPAGATOR,
     NOT_FINITE,
@@ -170,13 +174,13 @@ def try_step(
 
     OK, AGAIN to try with the smaller step, or what is wrong; the length of its Taylor series, 0 where there is none
     to tell what is within the step; the share of it up to which it counts, below 1 where it was found to end at an
-    event (whose margins are in row FOUND + 1).
+    event (whose margins are in row FOUND + HIGH).
     """
     place = find(tab, w, h) if stiff else NO_PROPAGATOR
     error, terms = linear(code, tab, r, mode, w, h, place)
     status, share, wanted = OK, 1.0, h * (5.0 if error < 1e-3 * LINEAR else 2.0)
     if not error <= LINEAR:
-        hit = terms > 0 and margins(code, tab, r, mode, w, POINT + END, RATE + END, FOUND + 1)
+        hit = terms > 0 and margins(code, tab, r, mode, w, POINT + END, RATE + END, HIGH)
         if hit:
             share = locate(code, tab, r, mode, w, h, terms, 1.0)
             hit = linear_up_to(code, tab, r, mode, w, h, share, terms)
@@ -220,7 +224,7 @@ def linear_up_to(
 def hits(
     code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, terms: int, share: float, found: int
 ) -> bool:
-    """Whether something has happened by `share` of the step just taken; its margins go to row `found`."""
+    """Whether something has happened by `share` of the step just taken; its margins go to rows `found`."""
     along(tab, w, terms, share, CHANGE)
     for s in range(tab[NS]):
         w[POINT + HERE, s] = w[STATE, s] + w[CHANGE, s]
@@ -234,7 +238,7 @@ def guess(tab: Ints, w: Floats, low: float, high: float, bias: float) -> float:
     """Where between two shares of a step the first margin vanishes, by straight lines."""
     middle = high
     for i in range(tab[M] + tab[Q] + tab[NW] + tab[NF]):
-        below, above = bias * w[FOUND, i], w[FOUND + 1, i]
+        below, above = bias * w[FOUND + LOW, i], w[FOUND + HIGH, i]
         if above < 0.0:
             middle = min(middle, low + (high - low) * (below / (below - above) if below > 0.0 else 0.5))
     return middle
@@ -247,11 +251,12 @@ def locate(
     """Share of the step at which the first thing happens, given one by which something has.
 
     Regula falsi on the margin that vanishes first, with the Illinois rule. Point, rates (rows HERE), registers and
-    margins (row FOUND + 1) are left as they are just behind it.
+    margins (row FOUND + HIGH) are left as they are just behind it.
     """
     low, high = 0.0, share
-    hits(code, tab, r, mode, w, h, terms, low, FOUND)
-    hits(code, tab, r, mode, w, h, terms, high, FOUND + 1)
+    for i in range(w.shape[1]):
+        w[FOUND + LOW, i] = w[FOUND + BEFORE, i]
+    hits(code, tab, r, mode, w, h, terms, high, HIGH)
     least = 1e-15 + 2e-16 * abs(w[CLOCK, TIME]) / h
     bias, before = 1.0, 0
     for count in range(200):
@@ -261,14 +266,14 @@ def locate(
         middle = min(max(middle, low + 0.5 * least), high - 0.5 * least)
         if not low < middle < high:
             break
-        if hits(code, tab, r, mode, w, h, terms, middle, FOUND + 2):
+        if hits(code, tab, r, mode, w, h, terms, middle, BETWEEN):
             high = middle
             bias, before = (0.5 * bias if before == 1 else 1.0), 1
         else:
             low = middle
             bias, before = (2.0 * bias if before == -1 else 1.0), -1
-        side = FOUND + 1 if before == 1 else FOUND
+        side = FOUND + (HIGH if before == 1 else LOW)
         for i in range(w.shape[1]):
-            w[side, i] = w[FOUND + 2, i]
-    hits(code, tab, r, mode, w, h, terms, high, FOUND + 1)
+            w[side, i] = w[FOUND + BETWEEN, i]
+    hits(code, tab, r, mode, w, h, terms, high, HIGH)
     return high
