@@ -29,10 +29,18 @@ it, a start) is settled on the left-out data itself: what nobody could know is n
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Standardised residuals of left-out segments (samples, outputs), and the scale each fit learned (outputs,)."""
+    """Standardised residuals of left-out segments, (samples, outputs) each.
+
+    Their scale is their own, all left-out segments together: one that the fitted part teaches would punish the model
+    that fits better, for being surer of what two recordings can't tell yet.
+    """
 
     residuals: tuple[Float, ...]
-    scales: tuple[Float, ...]
+
+    @property
+    def scale(self) -> Float:
+        """Root mean square by channel, (outputs,), in sigmas of the sensor, at least 1."""
+        return learned_scale(np.vstack(self.residuals))
 
     @property
     def mean_square(self) -> float:
@@ -44,21 +52,19 @@ class HeldOut:
         """All residuals of each output, (samples,) each."""
         return list(np.concatenate(self.residuals).T)
 
-    def scores(self, share: Float) -> Float:
+    def scores(self, share: Float, scale: Float | None = None) -> Float:
         """Log predictive density by block, counting `share` effective samples per sample."""
         parts = max(1, round(BLOCKS_WANTED / len(self.residuals)))
+        used = self.scale if scale is None else scale
         return np.concatenate(
-            [
-                block_scores(np.array_split(block, parts), scale, share)
-                for block, scale in zip(self.residuals, self.scales, strict=True)
-            ]
+            [block_scores(np.array_split(block, parts), used, share) for block in self.residuals]
         )
 
 
 def cross_validate(fit: Fit, segments: Sequence[Segment]) -> HeldOut:
     """Leave neighbouring segments (whole recordings, where there are several) out in turn and predict them.
 
-    A single segment cannot be left out; its own residuals stand in, and the learned scale with them.
+    A single segment cannot be left out; its own residuals stand in.
     """
     if len(segments) == 1:
         return in_sample(fit, segments)
@@ -69,21 +75,18 @@ def cross_validate(fit: Fit, segments: Sequence[Segment]) -> HeldOut:
     slopes = [jacobian[a:b].T @ fit.residuals[a:b] for a, b in pairwise(edges)]
     whole, slope = sum(information) + np.diag(prior), sum(slopes) + prior * fit.z[moving]
     residuals: list[Float] = []
-    scales: list[Float] = []
     for held in folds_of(len(segments)):
         own = sum(information[i] for i in held)
         kept = whole - own
         told = np.diag(kept) > UNTOLD * np.diag(whole)
         rest_slope = slope - sum(slopes[i] for i in held)
         step = newton_step(kept, rest_slope, told)
-        scale = scale_of_rest(fit, segments, edges, jacobian @ step, held)
         for number in sorted(held):
             a, b = edges[number], edges[number + 1]
             predicted = fit.residuals[a:b] + jacobian[a:b] @ step
             predicted = predicted - settled(jacobian[a:b][:, ~told], predicted, prior[~told])
             residuals.append(seen(predicted, segments[number]))
-            scales.append(scale)
-    return HeldOut(tuple(residuals), tuple(scales))
+    return HeldOut(tuple(residuals))
 
 
 def newton_step(information: Float, slope: Float, told: NDArray[np.bool_]) -> Float:
@@ -101,18 +104,6 @@ def settled(columns: Float, residuals: Float, prior: Float) -> Float:
     return np.asarray(columns @ np.linalg.lstsq(information, columns.T @ residuals, rcond=None)[0])
 
 
-def scale_of_rest(
-    fit: Fit, segments: Sequence[Segment], edges: NDArray[np.int_], moved: Float, held: frozenset[int]
-) -> Float:
-    """The residuals' scale that the rest teaches."""
-    rest = [
-        seen(fit.residuals[a:b] + moved[a:b], segment)
-        for i, (segment, (a, b)) in enumerate(zip(segments, pairwise(edges), strict=True))
-        if i not in held
-    ]
-    return learned_scale(np.vstack(rest))
-
-
 def seen(residuals: Float, segment: Segment) -> Float:
     """Residuals as (samples, outputs), NaN where nothing was measured."""
     return np.where(np.isfinite(segment.observed), residuals.reshape(segment.observed.shape), np.nan)
@@ -124,7 +115,7 @@ def in_sample(fit: Fit, segments: Sequence[Segment]) -> HeldOut:
     rows = fit.residuals.reshape(-1, width)
     counts = np.cumsum([segment.samples for segment in segments])[:-1]
     residuals = [seen(part, segment) for segment, part in zip(segments, np.split(rows, counts), strict=True)]
-    return HeldOut(tuple(residuals), (learned_scale(np.vstack(residuals)),) * len(segments))
+    return HeldOut(tuple(residuals))
 
 
 def folds_of(count: int) -> tuple[frozenset[int], ...]:

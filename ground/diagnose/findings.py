@@ -8,12 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ground.diagnose.accept import likelihood_here
 from ground.diagnose.ask import propose
 from ground.diagnose.candidates import Candidate
 from ground.diagnose.crossval import in_sample
 from ground.diagnose.evidence import LocatedForce
 from ground.diagnose.fit import Fit
-from ground.diagnose.name import Chosen, Named, likelihood_here
+from ground.diagnose.name import Chosen, Named
 from ground.diagnose.result import Alternative, Finding, Interval, Verdict
 from ground.diagnose.scoring import whiteness_p
 from ground.diagnose.segments import Segment

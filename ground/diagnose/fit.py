@@ -59,6 +59,13 @@ class Fit:
         slope = self.jacobian.T @ self.residuals + self.prior * self.z
         return ((self.z <= low) & (slope > 0.0)) | ((self.z >= high) & (slope < 0.0))
 
+    def std_given(self, known: Sequence[str], segments: Sequence[Segment]) -> dict[str, float]:
+        """Sigma of each other named parameter, were those named in `known` known."""
+        left = [i for i, free in enumerate(self.free) if free.name not in known]
+        covariance = robust_covariance(self.jacobian[:, left], self.residuals, self.prior[left], segments)
+        sigma = np.sqrt(np.diag(covariance))
+        return {self.free[i].name: float(self.free[i].scale * s) for i, s in zip(left, sigma, strict=True)}
+
 
 def bounds_of(free: Sequence[Free]) -> tuple[Float, Float]:
     """Scaled lower and upper limits, (unknowns,) each."""
@@ -120,7 +127,7 @@ def fit_plant(
     if precise:
         exact = FitProblem(plant, segments, sigmas, ranges, tolerance=PRECISE_TOLERANCE)
         residuals, jacobian = exact.residuals(z), exact.precise_sensitivities(z)
-    sigma = np.sqrt(np.diag(robust_covariance(jacobian, residuals, prior, problem)))
+    sigma = np.sqrt(np.diag(robust_covariance(jacobian, residuals, prior, problem.segments)))
     named = [i for i, free in enumerate(problem.free) if free.segment is None]
     return Fit(
         plant=problem.plant,
@@ -150,7 +157,7 @@ def lent(near: Fit, free: Sequence[Free], prior: Float) -> tuple[Float, Columns]
     return np.vstack([jacobian, np.diag(prior)]), np.array(own, dtype=np.intp)
 
 
-def robust_covariance(jacobian: Float, residuals: Float, prior: Float, problem: FitProblem) -> Float:
+def robust_covariance(jacobian: Float, residuals: Float, prior: Float, segments: Sequence[Segment]) -> Float:
     """Covariance of the scaled unknowns by the clustered sandwich (Liang and Zeger 1986).
 
     Residuals that a wrong model leaves are correlated over time, so counting samples would claim far too much.
@@ -159,7 +166,7 @@ def robust_covariance(jacobian: Float, residuals: Float, prior: Float, problem: 
     information = jacobian.T @ jacobian + np.diag(prior)
     bread = inverse(information)
     meat = np.diag(prior)
-    for rows in blocks(problem.segments):
+    for rows in blocks(segments):
         score = jacobian[rows].T @ residuals[rows]
         meat = meat + np.outer(score, score)
     sandwich = bread @ meat @ bread

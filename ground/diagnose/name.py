@@ -15,11 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.diagnose.candidates import Candidate, EffectCandidate, effect_candidates, label_of
+from ground.diagnose.accept import identified, likelihood_here, worthwhile
+from ground.diagnose.candidates import Candidate, effect_candidates, label_of
 from ground.diagnose.crossval import HeldOut, cross_validate, in_sample
 from ground.diagnose.fit import Fit
-from ground.diagnose.released import ReleasedParameter, released_parameters
-from ground.diagnose.scoring import OCCAM, effective_share, model_weights, probability_better
+from ground.diagnose.released import released_parameters
+from ground.diagnose.scoring import effective_share, model_weights, probability_better
 from ground.diagnose.screen import SEEN, Promise, promises_job, trial_job
 from ground.diagnose.workers import FitTask, Workers, fit_job
 from sim_hal.plant.simulate import Plant
@@ -38,24 +39,12 @@ STARTS = 2
 RIVALS = 3
 """Rivals of the best candidate that are compared with it, and that may replace it later."""
 MOST_EFFECTS = 6
-STRENGTH_SIGMAS = 3.0
-"""An effect whose strength is not this many of its own sigmas from zero is not identified."""
-WORTHWHILE = 0.01
-"""Least share of the remaining squared residual that an effect must remove where it was not fitted ..."""
-OF_EXCESS = 0.1
-"""... or else of what exceeds the sensors' noise, ..."""
-NATS = 10.0
-"""... and then with at least this gain in log predictive density."""
 CLEARLY = 0.9
 """A rival replaces an effect when its chi-square is below this share of the present one's."""
 HOPELESS = 30.0
 """A candidate this many units of log density behind the best is no rival."""
 SAME = 0.9999
 """Two candidates whose effects on the residuals correlate this closely cannot be told apart by these recordings."""
-
-
-ELSEWHERE = ("ballistic", "ground_contact", "body_momentum", "leg_momentum", "latch")
-ELSEWHERE_ODDS = 0.1
 
 
 @dataclass(frozen=True)
@@ -150,25 +139,29 @@ class Search:
 
     def leaders(self, current: Fit) -> list[Promise]:
         """The most promising starts of the most promising candidates; twins are set aside with their likes."""
-        context = self.workers.context
         offered: list[Candidate] = [
-            *effect_candidates(current.plant, context.scales),
+            *effect_candidates(current.plant, self.workers.context.scales),
             *released_parameters(current.plant, self.given),
         ]
-        parts = 2 * self.workers.count
-        chunks: list[tuple[Fit, Sequence[Candidate]]] = [(current, offered[i::parts]) for i in range(parts)]
-        found = self.workers.map(promises_job, chunks)
-        every = [p for some in found for p in some]
-        self._screened = every
-        promises = sorted((p for p in every if p.gain > SEEN), key=lambda p: -p.gain)[:TRIED]
-        tested = self.workers.map(trial_job, [(current, promise) for promise in promises])
-        ranked = sorted(tested, key=lambda p: -p.gain)
+        self._screened = self.promises(current, offered)
         kept: dict[str, list[Promise]] = {}
-        for promise in self.without_twins(ranked):
+        for promise in self.without_twins(self.tested(current, self._screened)):
             own = kept.setdefault(promise.candidate.key, [])
             if len(own) < STARTS:
                 own.append(promise)
         return [promise for own in list(kept.values())[:SCREENED] for promise in own]
+
+    def promises(self, current: Fit, offered: Sequence[Candidate]) -> list[Promise]:
+        """What every start of each candidate promises."""
+        parts = 2 * self.workers.count
+        chunks: list[tuple[Fit, Sequence[Candidate]]] = [(current, offered[i::parts]) for i in range(parts)]
+        return [promise for some in self.workers.map(promises_job, chunks) for promise in some]
+
+    def tested(self, current: Fit, promises: Sequence[Promise]) -> list[Promise]:
+        """The best promises after one simulation each, best first."""
+        seen = sorted((p for p in promises if p.gain > SEEN), key=lambda p: -p.gain)[:TRIED]
+        tried = self.workers.map(trial_job, [(current, promise) for promise in seen])
+        return sorted(tried, key=lambda p: -p.gain)
 
     def without_twins(self, ranked: Sequence[Promise]) -> list[Promise]:
         """Of candidates that act alike the likeliest one; the others are remembered as its twins."""
@@ -199,7 +192,8 @@ class Search:
             better = probability_better(scores, before.scores(share))
             tried.append((candidate, better))
             nats = float(np.sum(scores - before.scores(share)))
-            if better >= ACCEPT and worthwhile(before, held, nats) and identified(candidate, fit, self.given):
+            useful = better >= ACCEPT and worthwhile(before, held, nats)
+            if useful and identified(candidate, fit, self.workers.context.segments):
                 able.append((candidate, scores))
         if not able:
             return None, tuple(tried)
@@ -220,13 +214,13 @@ class Search:
     def total(self, fit: Fit, best: Fit, share: Float) -> float:
         """Log density of a fit's residuals at the scale of the best fit's."""
         segments = self.workers.context.segments
-        residuals = in_sample(fit, segments).residuals
-        return float(np.sum(HeldOut(residuals, in_sample(best, segments).scales).scores(share)))
+        scale = in_sample(best, segments).scale
+        return float(np.sum(in_sample(fit, segments).scores(share, scale)))
 
     def replace_earlier(self, current: Fit, chosen: list[Chosen]) -> tuple[Fit, list[Chosen]]:
         """Let a rival take the place of an effect that joined earlier, where the plant then fits clearly better."""
         for number, one in enumerate(chosen[:-1]):
-            swapped = self.swapped(current, one)
+            swapped = self.swapped(self.without(current, one), one)
             if not swapped or swapped[0][1].chi2 >= CLEARLY * current.chi2:
                 continue
             rival = swapped[0][0]
@@ -237,27 +231,31 @@ class Search:
             chosen[number] = replace(one, candidate=rival, rivals=others, twins=twins)
         return current, chosen
 
-    def swapped(self, current: Fit, one: Chosen) -> Fitted:
-        """Fits with each rival in an effect's place, best first; rivals already in the plant are left out."""
-        present = {current.plant.prefix(use) for use in current.plant.effects}
+    def without(self, current: Fit, one: Chosen) -> Fit:
+        """The plant fitted without one of its effects."""
+        (absent,) = self.fitted([FitTask(one.candidate.removed(current.plant), current, {})])
+        return absent
+
+    def swapped(self, absent: Fit, one: Chosen) -> Fitted:
+        """Fits with each rival in an effect's place, from its most promising start, best first."""
+        present = {absent.plant.prefix(use) for use in absent.plant.effects}
         rivals = [c for c in one.rivals if c.key not in present]
-        if rivals:
-            names = ", ".join(label_of(c) for c in rivals)
+        starts: dict[str, Promise] = {}
+        for promise in self.tested(absent, self.promises(absent, rivals)):
+            starts.setdefault(promise.candidate.key, promise)
+        if starts:
+            names = ", ".join(label_of(promise.candidate) for promise in starts.values())
             self.progress(f"trying {names} for {label_of(one.candidate)}")
-        bare = one.candidate.removed(current.plant)
         tasks = [
-            (c, FitTask(c.joined(bare, start), current, {})) for c in rivals for start in range(c.starts)
+            FitTask(p.candidate.joined(absent.plant, p.start), absent, p.values) for p in starts.values()
         ]
-        best: dict[str, tuple[Candidate, Fit]] = {}
-        for (c, _), fit in zip(tasks, self.fitted([task for _, task in tasks]), strict=True):
-            if c.key not in best or fit.cost < best[c.key][1].cost:
-                best[c.key] = (c, fit)
-        return sorted(best.values(), key=lambda pair: pair[1].chi2)
+        fits = [(p.candidate, fit) for p, fit in zip(starts.values(), self.fitted(tasks), strict=True)]
+        return sorted(fits, key=lambda pair: pair[1].chi2)
 
     def contest(self, final: Fit, one: Chosen) -> Chosen:
         """Weights of one effect and its rivals, with all other effects in place."""
-        (absent,) = self.fitted([FitTask(one.candidate.removed(final.plant), final, {})])
-        others = self.swapped(final, one)
+        absent = self.without(final, one)
+        others = self.swapped(absent, one)
         share = self.share(final)
         least = self.total(final, final, share) - HOPELESS
         close = self.polished(
@@ -277,33 +275,3 @@ class Search:
             chi2_without=absent.chi2,
             rival_fit=close[0] if close else None,
         )
-
-
-def likelihood_here(candidate: Candidate, plant: Plant) -> float:
-    """Prior odds that one of several laws that act alike is the one at work here.
-
-    Something that falls meets air; any other rig with a single balance is more often a mechanism than a body in the
-    air or on soil. Further parameters cost what they cost in every comparison.
-    """
-    simple = OCCAM**-candidate.parameters
-    home = candidate.effect.equation if isinstance(candidate, EffectCandidate) else candidate.equation
-    if plant.kind in ("drive", "hop") or home == "sensor":
-        return simple
-    usual = home == "ballistic" if plant.kind == "drop" else home not in ELSEWHERE
-    return simple if usual else ELSEWHERE_ODDS * simple
-
-
-def worthwhile(before: HeldOut, after: HeldOut, nats: float) -> bool:
-    """Whether an effect removes enough of what was left where it was not fitted."""
-    removed = before.mean_square - after.mean_square
-    excess = before.mean_square - 1.0
-    return removed > WORTHWHILE * before.mean_square or (removed > OF_EXCESS * excess and nats > NATS)
-
-
-def identified(candidate: Candidate, fit: Fit, given: Plant) -> bool:
-    """Whether the effect's strength is told apart from zero (a tolerance: from what was stated) by its own fit."""
-    if isinstance(candidate, ReleasedParameter):
-        away = abs(fit.values[candidate.key] - candidate.stated)
-        return away > STRENGTH_SIGMAS * max(candidate.tolerance, fit.std[candidate.key])
-    free = [name for name in candidate.strengths() if name in fit.values]  # else it acts as a whole
-    return not free or any(abs(fit.values[name]) > STRENGTH_SIGMAS * fit.std[name] for name in free)

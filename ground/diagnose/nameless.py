@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ground.diagnose.accept import identified, worthwhile
 from ground.diagnose.crossval import cross_validate
 from ground.diagnose.evidence import LocatedForce
 from ground.diagnose.formula import formula_candidate, sparse_law
-from ground.diagnose.name import ACCEPT, Chosen, Named, identified, worthwhile
+from ground.diagnose.name import ACCEPT, Chosen, Named
 from ground.diagnose.scoring import effective_share, probability_better
 from ground.diagnose.workers import FitTask, Workers, fit_job
-from sim_hal.plant.simulate import Plant
 
 
-def with_formula(named: Named, force: LocatedForce, given: Plant, workers: Workers) -> Named:
+def with_formula(named: Named, force: LocatedForce, workers: Workers) -> Named:
     """The search's end with a formula for `force`, what its fit still lacks; unchanged where that proves nothing.
 
     The formula's probability is that of predicting better, times the share of the force that it predicts.
@@ -29,7 +29,7 @@ def with_formula(named: Named, force: LocatedForce, given: Plant, workers: Worke
     scores = after.scores(share), before.scores(share)
     better = probability_better(*scores)
     useful = worthwhile(before, after, float((scores[0] - scores[1]).sum()))
-    if better < ACCEPT or not useful or not identified(candidate, fit, given):
+    if better < ACCEPT or not useful or not identified(candidate, fit, segments):
         return named
     (final,) = workers.map(fit_job, [FitTask(fit.plant, fit, fit.values, "final")])
     chosen = Chosen(candidate, better, (), (), ((candidate, law.explained),), named.fit.chi2)

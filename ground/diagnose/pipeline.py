@@ -151,7 +151,7 @@ def diagnose(
         if unexplained(named.fit, data.windows):
             progress("looking for a formula")
             left = locate(named.fit, data.windows, data.whole[0], data.sigmas, scales, workers)
-            named = with_formula(named, left[0], plant, workers) if left else named
+            named = with_formula(named, left[0], workers) if left else named
         if named.chosen and forces:
             typical = scales[forces[0].equation]["F"]
             task = LocateTask(

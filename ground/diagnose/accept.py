@@ -1,0 +1,62 @@
+"""What an explanation must do to be accepted, beyond predicting better: be told from nothing, be worth its name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ground.diagnose.candidates import Candidate, EffectCandidate
+from ground.diagnose.crossval import HeldOut
+from ground.diagnose.fit import Fit
+from ground.diagnose.released import ReleasedParameter
+from ground.diagnose.scoring import OCCAM
+from ground.diagnose.segments import Segment
+from sim_hal.plant.simulate import Plant
+
+STRENGTH_SIGMAS = 3.0
+"""An effect whose strength is not this many of its own sigmas from zero is not identified."""
+WORTHWHILE = 0.01
+"""Least share of the remaining squared residual that an effect must remove where it was not fitted ..."""
+OF_EXCESS = 0.1
+"""... or else of what exceeds the sensors' noise, ..."""
+NATS = 10.0
+"""... and then with at least this gain in log predictive density."""
+ELSEWHERE = ("ballistic", "ground_contact", "body_momentum", "leg_momentum", "latch")
+ELSEWHERE_ODDS = 0.1
+
+
+def likelihood_here(candidate: Candidate, plant: Plant) -> float:
+    """Prior odds that one of several laws that act alike is the one at work here.
+
+    Something that falls meets air; any other rig with a single balance is more often a mechanism than a body in the
+    air or on soil. Further parameters cost what they cost in every comparison.
+    """
+    simple = OCCAM**-candidate.parameters
+    home = candidate.effect.equation if isinstance(candidate, EffectCandidate) else candidate.equation
+    if plant.kind in ("drive", "hop") or home == "sensor":
+        return simple
+    usual = home == "ballistic" if plant.kind == "drop" else home not in ELSEWHERE
+    return simple if usual else ELSEWHERE_ODDS * simple
+
+
+def worthwhile(before: HeldOut, after: HeldOut, nats: float) -> bool:
+    """Whether an effect removes enough of what was left where it was not fitted."""
+    removed = before.mean_square - after.mean_square
+    excess = before.mean_square - 1.0
+    return removed > WORTHWHILE * before.mean_square or (removed > OF_EXCESS * excess and nats > NATS)
+
+
+def identified(candidate: Candidate, fit: Fit, segments: Sequence[Segment]) -> bool:
+    """Whether the effect's strength is told from zero (a tolerance: from what was stated) by its own fit.
+
+    Its other parameters count as known: without strength they mean nothing, and one that no recording tells must
+    not hide an effect that every recording shows.
+    """
+    if isinstance(candidate, ReleasedParameter):
+        away = abs(fit.values[candidate.key] - candidate.stated)
+        return away > STRENGTH_SIGMAS * max(candidate.tolerance, fit.std[candidate.key])
+    strengths = [name for name in candidate.strengths() if name in fit.values]
+    if not strengths:  # it acts as a whole
+        return True
+    own = [name for name in fit.values if name.startswith(f"{candidate.key}.") and name not in strengths]
+    std = fit.std_given(own, segments)
+    return any(abs(fit.values[name]) > STRENGTH_SIGMAS * std[name] for name in strengths)
