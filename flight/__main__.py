@@ -54,6 +54,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--memory", type=Path, help="file that keeps the state of the spring over a power cut"
     )
+    parser.add_argument(
+        "--ground-memory", type=Path, help="file that keeps what was learned of the ground over a restart"
+    )
     parser.add_argument("--link", metavar="PORT", help="serial port of the ground link; needs --link-key")
     parser.add_argument("--link-key", type=Path, help="file with the key that signs commands")
     parser.add_argument(
@@ -96,6 +99,8 @@ def _fitted(board: Board, options: argparse.Namespace) -> Board:
     """The board with the memory and the link that were asked for."""
     if options.memory:
         board = replace(board, memory=FileMemory(options.memory))
+    if options.ground_memory:
+        board = replace(board, ground_memory=FileMemory(options.ground_memory))
     if options.link:
         bounds = load_settings(config_path("link.yaml"), LinkSettings)
         line, session = SerialLine(options.link, bounds.baud), secrets.token_bytes(SESSION_BYTES)

@@ -18,7 +18,8 @@ from flight.sensing import Senses
 from flight.settings import FlightSettings
 from flight.spring_record import SpringKeeper
 from flight.states import Event, Machine, Outputs, Phase, Snapshot
-from flight.surface_belief import SurfaceSettings, load_surfaces
+from flight.surface.keeper import GroundKeeper
+from flight.surface.known import SurfaceSettings, load_surfaces
 from flight.tensioning import energy_used_j
 from hal.board import Board
 from hal.errors import DeviceError
@@ -91,6 +92,7 @@ class _Executive:
     recorder: HopRecorder = field(default_factory=HopRecorder)
     _senses: Senses = field(init=False)
     _spring: SpringKeeper = field(init=False)
+    _ground: GroundKeeper = field(init=False)
     _due_s: float | None = None
     _stroked_s: float | None = None
     _hop_rate: bool | None = None
@@ -101,6 +103,7 @@ class _Executive:
     def __post_init__(self) -> None:
         self._senses = Senses(self.board, self.recorder)
         self._spring = SpringKeeper(self.board.memory)
+        self._ground = GroundKeeper(self.board.ground_memory, self.pilot.surfaces, self.settings.surface)
 
     def ended(self, stay_s: float) -> bool:
         """Whether it is over: in SAFE, and nobody has let it out for so long."""
@@ -170,6 +173,11 @@ class _Executive:
         self._stroked_s = now_s
         self.machine = replace(self.machine, since_s=now_s, moved_s=now_s)
         self._event(self._spring.found())
+        record, found = self._ground.found()
+        self._event(found)
+        self.pilot.ground.restore(record)
+        self.pilot.begin()
+        self._tell_ground()
 
     def _snapshot(self, now_s: float, late_s: float, ground_heard: bool) -> tuple[Snapshot, list[Event]]:
         stroked_s = now_s if self._stroked_s is None else self._stroked_s
@@ -230,6 +238,14 @@ class _Executive:
         report = self.pilot.evaluate(self.recorder.record(fire_s), Heartbeat(self._stroke))
         self.log.write("hop", self._now_s, report.as_payload())
         self.board.ground_link.send("hop", json.dumps(report.as_payload()))
+        unkept = self._ground.keep(self.pilot.ground.record())
+        if unkept:
+            self._event(unkept)
+        self._tell_ground()
+
+    def _tell_ground(self) -> None:
+        for event in self.pilot.told():
+            self._event(event)
 
     def _wait(self, now_s: float) -> None:
         """Sleep to the next tick of the grid; ticks that were missed are skipped, not caught up."""

@@ -1,67 +1,30 @@
-"""A mission: hops at given energies, flown without the ground's help, and the report of each hop."""
+"""A mission flown without the ground's help: which hop comes next, and the report of each hop."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from flight import energy
 from flight.evaluation import HopEnergies, evaluate_hop
 from flight.heartbeat import Heartbeat
+from flight.plans import GoalPlan, HopPlan, MissionPlan, load_mission
 from flight.record import HopRecord
 from flight.settings import FlightSettings
-from flight.states import STOWED, Machine, Phase
-from flight.surface_belief import (
-    SurfaceBelief,
-    SurfaceSettings,
-    prior_belief,
-    updated_belief,
-)
+from flight.states import STOWED, Event, Machine, Phase
+from flight.surface.belief import GroundBelief
+from flight.surface.known import SurfaceSettings
+from flight.surface.seeker import Decided, GoalSeeker
+from flight.surface.stance import Stance, stance_of
+from flight.surface.tracker import Tracker
+from flight.surface.watch import GroundWatch, common_sigma, hop_seen
 from flight.uncertain import Uncertain, mean_of
-from hal.config import Limits, load_settings
-from hal.errors import ConfigError
 from hal.readings import GroundCommand
 
+__all__ = ["GoalPlan", "HopPlan", "HopReport", "MissionPilot", "MissionPlan", "MissionResult", "load_mission"]
+
 _RETRY_S = 0.5  # a command that was refused is given again after this time
-
-
-@dataclass(frozen=True)
-class HopPlan:
-    """One hop to be made: usable energy, and what is known of the ground there.
-
-    `reference` marks a hop off a rigid surface, which measures C2_ref for the hops after it.
-    """
-
-    energy_j: Annotated[float, Limits(1e-3, 1e3)]
-    surface: str | None = None
-    place: str = "A"
-    reference: bool = False
-    tilt_deg: Annotated[float, Limits(0.0, 45.0)] = 0.0
-
-
-@dataclass(frozen=True)
-class MissionPlan:
-    """The hops of a mission, in order."""
-
-    name: str
-    hops: tuple[HopPlan, ...]
-
-
-def load_mission(path: Path, settings: FlightSettings) -> MissionPlan:
-    """Read and check a mission file. Raises `ConfigError` naming file, key, value and limit."""
-    plan = load_settings(path, MissionPlan)
-    if not plan.hops:
-        raise ConfigError(f"{path}: hops: a mission needs at least one hop")
-    limits = settings.tension
-    for index, hop in enumerate(plan.hops):
-        if not limits.min_energy_j <= hop.energy_j <= limits.max_energy_j:
-            raise ConfigError(
-                f"{path}: hops[{index}].energy_j = {hop.energy_j:g} is outside the rig's limits "
-                f"[{limits.min_energy_j:g}, {limits.max_energy_j:g}]"
-            )
-    return plan
 
 
 @dataclass(frozen=True)
@@ -77,7 +40,8 @@ class HopReport:
     c2_ref_source: str  # "direct": reference hops of this mission; "average": config/flight.yaml
     c2_measured: Uncertain | None  # of a reference hop
     c3: Uncertain | None  # of any other hop
-    belief: SurfaceBelief | None
+    belief: GroundBelief | None
+    stance: Stance | None = None
 
     @property
     def verdict(self) -> str:
@@ -118,14 +82,8 @@ class HopReport:
             "c2_ref_source": self.c2_ref_source,
             "c2_measured": _payload(self.c2_measured),
             "c3": _payload(self.c3),
-            "belief": None
-            if belief is None
-            else {
-                "c3_mean": belief.c3_mean,
-                "c3_std": belief.c3_std,
-                "hops": belief.hops,
-                "surfaces": dict(belief.probabilities),
-            },
+            "stance": None if self.stance is None else self.stance.as_payload(),
+            "belief": None if belief is None else belief.as_payload(),
         }
 
 
@@ -141,18 +99,23 @@ def _payload(value: Uncertain | None) -> Mapping[str, float] | None:
 
 @dataclass(frozen=True)
 class MissionResult:
-    """A mission flown: the report of each hop, and how it ended (`stowed` is the good end)."""
+    """A mission flown: the report of each hop, what was decided, and how it ended (`stowed` is the good end).
+
+    `goals_left` counts the goals that were neither sought to their end nor given up.
+    """
 
     plan: MissionPlan
     hops: tuple[HopReport, ...]
     end_reason: str
     spring_loaded: bool
+    decided: tuple[Decided, ...] = ()
+    goals_left: int = 0
 
     @property
     def completed(self) -> bool:
-        """All planned hops made, and the robot stowed with the spring shown to hold nothing."""
+        """All planned hops made, all goals done with, and the robot stowed with the spring shown to hold nothing."""
         made = len(self.hops) >= len(self.plan.hops)  # the ground may have commanded more
-        return self.end_reason == STOWED and made and not self.spring_loaded
+        return self.end_reason == STOWED and made and not self.goals_left and not self.spring_loaded
 
 
 def _own(now_s: float, name: str, arguments: tuple[tuple[str, float], ...] = ()) -> GroundCommand:
@@ -171,9 +134,31 @@ class MissionPilot:
     settings: FlightSettings
     surfaces: SurfaceSettings
     reports: list[HopReport] = field(default_factory=list)
-    _beliefs: dict[str, SurfaceBelief] = field(default_factory=dict)
+    ground: GroundWatch = field(init=False)
+    seeker: GoalSeeker = field(init=False)
     _asked: tuple[str, float] | None = None
     _asked_in: tuple[Phase, float] | None = None
+
+    def __post_init__(self) -> None:
+        self.ground = GroundWatch(self.surfaces, self.settings)
+        self.seeker = GoalSeeker(self.plan.goals, self.settings)
+
+    def begin(self) -> None:
+        """With what the memory held: decide on the first hop, if that is for the pilot to do."""
+        if not self.plan.hops:
+            self._decide()
+
+    def told(self) -> list[Event]:
+        """What has been decided and learned since this was asked last."""
+        events = self.ground.events + self.seeker.events
+        self.ground.events, self.seeker.events = [], []
+        return events
+
+    @property
+    def next_hop(self) -> HopPlan | None:
+        """The hop to make next; None when all is done."""
+        made = len(self.reports)
+        return self.plan.hops[made] if made < len(self.plan.hops) else self.seeker.hop
 
     def commands(self, machine: Machine, now_s: float) -> tuple[GroundCommand, ...]:
         """What the mission asks for at this tick."""
@@ -187,13 +172,12 @@ class MissionPilot:
         return (wanted,)
 
     def _wanted(self, machine: Machine, now_s: float) -> GroundCommand | None:
-        done = len(self.reports) >= len(self.plan.hops)
+        hop = self.next_hop
         if machine.phase is Phase.READY:
-            if done:
+            if hop is None:
                 return _own(now_s, "stow")
-            energy_j = self.plan.hops[len(self.reports)].energy_j
-            return _own(now_s, "tension", (("energy_j", energy_j),))
-        if machine.phase is Phase.HOMING and done:
+            return _own(now_s, "tension", (("energy_j", hop.energy_j),))
+        if machine.phase is Phase.HOMING and hop is None:
             return _own(now_s, "stow")
         if machine.phase is Phase.HOLD:
             return _own(now_s, "arm")
@@ -206,8 +190,9 @@ class MissionPilot:
     def evaluate(self, record: HopRecord, heartbeat: Heartbeat | None = None) -> HopReport:
         """Evaluate the hop just made and update what is believed of the ground."""
         index = len(self.reports)
-        # A hop that the ground commanded beyond the plan is reported like the plan's last.
-        plan = self.plan.hops[min(index, len(self.plan.hops) - 1)]
+        sought = index >= len(self.plan.hops) and self.seeker.hop is not None
+        # A hop that the ground commanded beyond the plan is reported like the last one.
+        plan = self.next_hop or (self.reports[-1].plan if self.reports else self.plan.hops[-1])
         seen = evaluate_hop(record, self.settings, index, heartbeat)
         c2_ref, source = self._c2_ref()
         c1 = c2_measured = c3 = None
@@ -217,13 +202,27 @@ class MissionPilot:
                 c2_measured = energy.c2_reference(seen.potential_j, seen.analysis_j)
             elif seen.potential_j is not None:
                 c3 = energy.c3_surface(seen.potential_j, seen.analysis_j, c2_ref)
-        belief = self._believe(plan, c3)
-        report = HopReport(index, plan, record.fire_s, seen, c1, c2_ref, source, c2_measured, c3, belief)
+        stance = stance_of(record, seen, self.settings)
+        belief = self._believe(plan, c3, seen, stance, source, sought)
+        report = HopReport(
+            index, plan, record.fire_s, seen, c1, c2_ref, source, c2_measured, c3, belief, stance
+        )
         self.reports.append(report)
+        if sought:
+            self.seeker.after_hop(None if seen.height_m is None else seen.height_m.value)
+        if index + 1 >= len(self.plan.hops):
+            self._decide()
         return report
 
     def result(self, machine: Machine) -> MissionResult:
-        return MissionResult(self.plan, tuple(self.reports), machine.reason, machine.loaded)
+        return MissionResult(
+            self.plan,
+            tuple(self.reports),
+            machine.reason,
+            machine.loaded,
+            tuple(self.seeker.decided),
+            self.seeker.goals_left,
+        )
 
     def _c2_ref(self) -> tuple[Uncertain, str]:
         """C2_ref from this mission's reference hops if there are any, else the foot's average."""
@@ -234,13 +233,31 @@ class MissionPilot:
         foot = self.settings.rig.feet[self.settings.rig.foot]
         return Uncertain.of(foot.c2_ref_mean, foot.c2_ref_std, "c2_ref"), "average"
 
-    def _believe(self, plan: HopPlan, c3: Uncertain | None) -> SurfaceBelief | None:
+    def _believe(
+        self,
+        plan: HopPlan,
+        c3: Uncertain | None,
+        seen: HopEnergies,
+        stance: Stance | None,
+        source: str,
+        sought: bool,
+    ) -> GroundBelief | None:
         if plan.reference:
             return None
-        foot = self.settings.rig.foot
-        before = self._beliefs.get(plan.place) or prior_belief(self.surfaces, foot, plan.tilt_deg)
-        after = before
-        if c3 is not None:
-            after = updated_belief(before, c3.value, c3.sigma, self.surfaces, foot, plan.tilt_deg)
-        self._beliefs[plan.place] = after
-        return after
+        index = len(self.reports)
+        if c3 is None or seen.used_j is None:
+            return self.ground.unseen(plan.place, plan.tilt_deg, self._common(), plan.energy_j)
+        hop = hop_seen(c3, seen.used_j.value, stance, index)
+        moved = sought and self.seeker.moved
+        return self.ground.see(plan.place, plan.tilt_deg, hop, common_sigma(c3, index), source, moved=moved)
+
+    def _decide(self) -> None:
+        def tracker_of(place: str, tilt_deg: float) -> Tracker:
+            return self.ground.tracker(place, tilt_deg, self._common())
+
+        self.seeker.decide(len(self.reports), tracker_of, self._c2_ref()[0])
+
+    def _common(self) -> float:
+        """The error of u that C2_ref brings."""
+        c2_ref = self._c2_ref()[0]
+        return c2_ref.sigma / (1.0 - c2_ref.value)

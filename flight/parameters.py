@@ -26,7 +26,7 @@ def entry_of(name: str) -> ParameterEntry | None:
     if name in entries:
         return entries[name]
     parts = name.split(".")
-    wild = (".".join([*parts[:i], "*", *parts[i + 1 :]]) for i in range(1, len(parts) - 1))
+    wild = (".".join([*parts[:i], "*", *parts[i + 1 :]]) for i in range(1, len(parts)))
     return next((entries[key] for key in wild if key in entries), None)
 
 

@@ -12,6 +12,7 @@ from flight.monitor_settings import MonitorSettings, monitors_problem
 from flight.parameters import parameters_problem
 from flight.rig import NotNegative, Positive, Share, rig_problem
 from flight.rig import RigSettings as RigSettings
+from flight.surface.settings import SurfaceLearning
 from hal.config import Limits, config_path, load_settings
 from hal.errors import ConfigError
 
@@ -163,6 +164,7 @@ class FlightSettings:
     timeouts: TimeoutSettings
     sensors: SensorSettings
     log: LogSettings
+    surface: SurfaceLearning
     monitors: dict[str, MonitorSettings]
 
     @property

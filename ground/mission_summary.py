@@ -10,7 +10,7 @@ from typing import Any
 
 from flight.mission import HopReport, MissionResult
 from flight.settings import FlightSettings
-from flight.surface_belief import SurfaceSettings, load_surfaces
+from flight.surface.known import SurfaceSettings, load_surfaces
 from flight.uncertain import Uncertain
 from ground.recordings import Recording
 from sim_hal.truth import HopTruth

@@ -15,7 +15,7 @@ from flight.executive import fly
 from flight.log import FlightLog, read_log
 from flight.mission import MissionPlan
 from flight.settings import FlightSettings
-from flight.surface_belief import SurfaceSettings, check_surfaces
+from flight.surface.known import SurfaceSettings, check_surfaces
 from hal.calls import board_calls
 from hal.log import LogError
 from hal.replay import ReplayBoard, ReplayEnded, ReplayMismatch, ReplayTape

@@ -49,6 +49,7 @@ class Board:
     watchdog: Watchdog
     ground_link: GroundLink
     memory: Memory = field(default_factory=VolatileMemory)
+    ground_memory: Memory = field(default_factory=VolatileMemory)
 
     def close(self) -> None:
         """Close all devices, actuators first; every one is tried even if another fails."""
@@ -64,6 +65,7 @@ class Board:
             self.switches,
             self.ground_link,
             self.memory,
+            self.ground_memory,
             self.watchdog,
         ):
             try:

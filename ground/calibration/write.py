@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from flight.surface_belief import SurfaceSettings, load_surfaces
+from flight.surface.known import KnownSurface, SurfaceSettings, load_surfaces
 from ground.calibration.fit import RowFit
 from ground.files import write_atomic
 from ground.reproduce.paper import Paper
@@ -24,21 +24,20 @@ PRIORS = (
     "unknown_probability",
     "unknown_c3_low",
     "unknown_c3_high",
-    "prior_c3_mean",
-    "prior_c3_std",
-    "compaction_std",
+    "unknown_stiffness_low_n_m",
+    "unknown_stiffness_high_n_m",
 )
 NOTES = {
     "unknown_probability": "prior that the ground is none of these",
     "unknown_c3_low": "C3 of an unknown ground: anything between",
-    "prior_c3_mean": "of a spot before its first hop",
-    "compaction_std": "change of a spot's C3 from hop to hop",
+    "unknown_stiffness_low_n_m": "of unknown ground under the foot, from fluff to rock",
 }
 HEAD = """\
 # What is known of surfaces. `hopper calibrate --write` writes this file and the surfaces of config/plant/*_hop*.yaml.
 #
-# surfaces: published dissipation C3, mean and range (Wisniewski et al. 2021, Table 5, C2_ref_direct). The flight
-# code's posterior over surfaces and its prior for a spot start from these.
+# surfaces: published dissipation C3, mean, range and runs (Wisniewski et al. 2021, Table 5, C2_ref_direct). The
+# flight code's posterior over surfaces and its prior for a spot start from these. fresh, fall, stiffness: what it
+# expects beside; they stay as they stand here (stiffness as first calibrated, steel's as far as the robot can tell).
 """
 MIDDLE = """
 # simulated: the soils of the simulation (sim_hal/soils.py says what each number does), fitted so that simulated runs
@@ -54,7 +53,9 @@ def rounded(soils: Soils) -> Soils:
 def write_surfaces(path: Path, paper: Paper, soils: Soils, table: Sequence[RowFit]) -> Path:
     """Write `config/surfaces.yaml`; the flight code's own priors stay as they stand there."""
     priors = load_surfaces(path)
-    return write_atomic(path, HEAD + _known(paper) + _priors(priors) + MIDDLE + _fit(table) + _soils(soils))
+    return write_atomic(
+        path, HEAD + _known(paper, priors) + _priors(priors) + MIDDLE + _fit(table) + _soils(soils)
+    )
 
 
 def write_plant_surfaces(path: Path, soils: Soils, feet: float) -> Path:
@@ -94,17 +95,41 @@ def plants_agree(folder: Path) -> list[str]:
     return wrong
 
 
-def _known(paper: Paper) -> str:
-    lines = [
-        f'  - {{name: {REFERENCE}, foot: "1", tilt_deg: 0.0, c3_mean: 0.0, c3_low: -0.05, c3_high: 0.05}}'
-    ]
+def _known(paper: Paper, priors: SurfaceSettings) -> str:
+    """Steel as it stands, then the published rows; beside each what the flight code's own priors have."""
+    own = {(s.name, s.foot, s.tilt_deg): s for s in priors.surfaces}
+    steel = own[REFERENCE, "1", 0.0]
+    lines = [_row(REFERENCE, "1", 0.0, steel.c3_mean, steel.c3_low, steel.c3_high, steel.runs, steel)]
     for row in paper.surfaces:
-        c3 = row.c3_direct
-        lines.append(
-            f'  - {{name: {row.surface}, foot: "{row.foot}", tilt_deg: {row.tilt_deg:.1f}, '
-            f"c3_mean: {c3.mean:g}, c3_low: {c3.low:g}, c3_high: {c3.high:g}}}"
-        )
+        c3, known = row.c3_direct, own.get((row.surface, row.foot, row.tilt_deg))
+        lines.append(_row(row.surface, row.foot, row.tilt_deg, c3.mean, c3.low, c3.high, row.runs, known))
     return "surfaces:\n" + "\n".join(lines) + "\n"
+
+
+def _row(
+    name: str,
+    foot: str,
+    tilt_deg: float,
+    mean: float,
+    low: float | None,
+    high: float | None,
+    runs: int,
+    own: KnownSurface | None,
+) -> str:
+    extras = "".join(
+        f", {key}: {getattr(own, key):{form}}"
+        for key, form in (
+            ("fresh_c3_mean", "g"),
+            ("fresh_c3_std", "g"),
+            ("fall", "g"),
+            ("stiffness_n_m", ".3e"),
+        )
+        if getattr(own, key, None) is not None
+    )
+    return (
+        f'  - {{name: {name}, foot: "{foot}", tilt_deg: {tilt_deg:.1f}, '
+        f"c3_mean: {mean:g}, c3_low: {low:g}, c3_high: {high:g}, runs: {runs}{extras}}}"
+    )
 
 
 def _priors(settings: SurfaceSettings) -> str:

@@ -15,7 +15,7 @@ from flight.log import McapLog
 from flight.mcap_stream import read_mcap
 from flight.mission import HopPlan, MissionPlan
 from flight.settings import FlightSettings
-from flight.surface_belief import SurfaceSettings, load_surfaces
+from flight.surface.known import SurfaceSettings, load_surfaces
 from ground.fault_campaign.drawing import CampaignSettings, FaultCase, PlantedFault, redrawn
 from ground.fault_campaign.hazards import Witness, judge_releases, judge_reports
 from hal.board import open_board

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from flight.settings import RigSettings
-from flight.surface_belief import SurfaceBelief
+from flight.surface.belief import GroundBelief
 from ground.mission_summary import HopOutcome, plus_minus, words
 from ground.recordings import Recording
 from ground.report.page import BLUE, GREEN, GREY, ORANGE, RED, VIOLET
@@ -70,7 +70,7 @@ def _add_belief_band(figure: go.Figure, hops: list[HopOutcome], place: str) -> N
         )
 
 
-def surface_figure(belief: SurfaceBelief, published_c3: Mapping[str, str]) -> go.Figure:
+def surface_figure(belief: GroundBelief, published_c3: Mapping[str, str]) -> go.Figure:
     """Probability of each known surface, beside its name the published range of C3, and of none of them."""
     names = sorted(belief.probabilities, key=lambda name: belief.probabilities[name])
     shares = [100.0 * belief.probabilities[name] for name in names]

@@ -146,9 +146,9 @@ def settings_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("boards/sim.yaml", "watchdog:", "watchdogs:", "unknown key watchdogs"),
         (
             "surfaces.yaml",
-            "prior_c3_std: 0.25",
-            "prior_c3_std: 25",
-            "prior_c3_std = 25 is outside its limits",
+            "unknown_probability: 0.2",
+            "unknown_probability: 25",
+            "unknown_probability = 25 is outside its limits",
         ),
         (
             "flight.yaml",

@@ -11,7 +11,6 @@ from two_mass import STEEL, TwoMassHop
 from flight import energy
 from flight import settings as flight_settings
 from flight.energy import RigConstants
-from flight.surface_belief import UNKNOWN, load_surfaces, prior_belief, updated_belief
 from flight.uncertain import Uncertain, mean_of
 
 SETTINGS = flight_settings.load()
@@ -108,32 +107,3 @@ def test_uncertain_arithmetic_with_plain_numbers() -> None:
     assert (8.0 / x).parts["x"] == pytest.approx(-0.05)
     assert (x**0.5).sigma == pytest.approx(0.025)
     assert x.with_part("y", 0.2).sigma_of(["y"]) == 0.2
-
-
-SURFACES = load_surfaces()
-
-
-def test_the_belief_finds_the_surface_whose_c3_is_measured() -> None:
-    for name, c3 in (("quartz_aggregate", 0.114), ("quartz_sand", 0.36), ("expanded_clay", 0.46)):
-        belief = updated_belief(prior_belief(SURFACES, "1", 0.0), c3, 0.01, SURFACES, "1", 0.0)
-        assert belief.most_probable == name
-        assert sum(belief.probabilities.values()) == pytest.approx(1.0)
-
-
-def test_a_c3_like_no_known_surface_is_called_none_of_the_known() -> None:
-    belief = updated_belief(prior_belief(SURFACES, "1", 0.0), 0.8, 0.01, SURFACES, "1", 0.0)
-    assert belief.most_probable == UNKNOWN
-
-
-def test_an_unpublished_foot_and_tilt_leaves_only_the_unknown() -> None:
-    assert prior_belief(SURFACES, "0", 10.0).probabilities == {UNKNOWN: 1.0}
-
-
-def test_the_spots_c3_converges_but_stays_open_to_compaction() -> None:
-    belief = prior_belief(SURFACES, "1", 0.0)
-    for c3 in (0.31, 0.22, 0.15, 0.10):  # Syar, falling hop by hop
-        belief = updated_belief(belief, c3, 0.01, SURFACES, "1", 0.0)
-    assert belief.c3_mean == pytest.approx(0.10, abs=0.01)
-    assert 0.005 < belief.c3_std < 0.01
-    with pytest.raises(ValueError, match="no measurement"):
-        updated_belief(belief, math.nan, 0.01, SURFACES, "1", 0.0)

@@ -8,7 +8,7 @@ import pytest
 
 from flight import settings as flight_settings
 from flight.mission import load_mission
-from flight.surface_belief import load_surfaces
+from flight.surface.known import load_surfaces
 from hal.config import config_path
 from hal.errors import ConfigError
 
@@ -72,7 +72,7 @@ def test_bad_settings_are_refused_in_words(tmp_path: Path, old: str, new: str, s
         ("name: m\nhops:\n  - {energy_j: 99.0}\n", "hops[0].energy_j = 99"),
         ("name: m\nhops:\n  - {energy_j: fast}\n", "hops[0].energy_j = 'fast'"),
         ("name: m\nhops:\n  - {energy: 9.0}\n", "unknown key hops[0].energy"),
-        ("name: m\n", "key hops is missing"),
+        ("name: m\n", "at least one hop or one goal"),
     ],
 )
 def test_bad_missions_are_refused_in_words(tmp_path: Path, text: str, said: str) -> None:

@@ -8,7 +8,7 @@ from flight.executive import fly
 from flight.log import McapLog
 from flight.mission import HopPlan, MissionPlan
 from flight.settings import load
-from flight.surface_belief import load_surfaces
+from flight.surface.known import load_surfaces
 from hal.board import open_board
 from hal.config import config_path, read_yaml, to_yaml
 from hal.tap import tap_board

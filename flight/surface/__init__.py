@@ -1,0 +1,1 @@
+"""What the hops say about the ground, and what to do about it."""
