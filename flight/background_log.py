@@ -36,6 +36,11 @@ class BackgroundLog:
         except queue.Full:
             self.problem = f"{self._queue.maxsize} messages wait for a disc that is too slow"
 
+    @property
+    def waiting(self) -> int:
+        """Messages that wait to be written."""
+        return self._queue.qsize()
+
     def close(self) -> None:
         """Write what waits and complete the file. May be called again."""
         if self._thread.is_alive():
