@@ -5,11 +5,11 @@
 One simulated robot lives on: each life starts as the one before left nut, lock and spring, with the same memory file.
 A page of shared memory, written by the simulated world and by a tap on the log, outlives the process and holds the
 truth. Counted are: kills; lost_arming (the spring was loaded or the robot armed, and the memory does not say so);
-fired (the magnet was on in a life in which no fire command had been accepted); corrupt_logs (no whole part that can be
+fired (the magnet was on in a life in which no fire command had been accepted); corrupt_logs (no whole part can be
 read); max_lost_ms (of flight time, between the last message handed to the log and the last one read back).
 
 Simulated time runs as fast as the machine can, without the sleep that ends each tick of a robot; instead each tick
-here ends with a wait until the log's thread has had its turn. SIGKILL leaves what the system holds for the disc; a cut
+here ends with a wait until the thread of the log has had its turn. SIGKILL leaves what the system holds; a cut
 of the power is covered by the memory's fsync, not by this.
 """
 

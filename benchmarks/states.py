@@ -1,0 +1,40 @@
+"""Explores the state machine with its interlocks exhaustively, and prints the counts.
+
+python -m benchmarks.states [--json FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from flight import settings as flight_settings
+from ground.state_space import explore
+
+
+def main() -> None:
+    """Run and print."""
+    parser = argparse.ArgumentParser(description="Explore the state machine with its interlocks.")
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    found = explore(flight_settings.load())
+    unsafe = sum(found.unsafe.values())
+    counts = {
+        "states": found.states,
+        "transitions": found.transitions,
+        "phases": len(found.phases),
+        "magnet_on": found.magnet_on,
+        "unsafe": unsafe,
+    }
+    for name, value in counts.items():
+        print(f"{name}: {value}")
+    print(found.unsafe, found.example)
+    if options.json:
+        content = {name: {"value": value, "unit": "1"} for name, value in counts.items()}
+        options.json.write_text(json.dumps({"figures": content}, indent=1) + "\n", encoding="utf-8")
+    raise SystemExit(1 if unsafe else 0)
+
+
+if __name__ == "__main__":
+    main()
