@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -95,6 +96,8 @@ class _Executive:
     _ground: GroundKeeper = field(init=False)
     _due_s: float | None = None
     _stroked_s: float | None = None
+    _motor_most_v: float = 0.0  # what the devices say of themselves, asked at the start
+    _watchdog_timeout_s: float = math.inf
     _hop_rate: bool | None = None
     _magnet_on: bool | None = False  # None: it did not take its newest command
     _now_s: float = 0.0
@@ -167,6 +170,8 @@ class _Executive:
 
     def _start(self, now_s: float) -> None:
         sensors = self.settings.sensors
+        self._motor_most_v = self.board.motor.max_voltage_v
+        self._watchdog_timeout_s = self.board.watchdog.timeout_s
         self.board.accelerometer.set_rate_hz(sensors.accelerometer_rate_hz)
         self.board.magnet_current.set_rate_hz(sensors.magnet_current_rate_hz)
         self._due_s = now_s
@@ -184,7 +189,7 @@ class _Executive:
         return self._senses.snapshot(
             now_s,
             late_s,
-            unstroked_share=(now_s - stroked_s) / self.board.watchdog.timeout_s,
+            unstroked_share=(now_s - stroked_s) / self._watchdog_timeout_s,
             magnet_failed=self._magnet_on is None,
             log_failed=bool(log_problem(self.log)),
             memory_failed=self._spring.failed,
@@ -205,7 +210,7 @@ class _Executive:
     def _apply(self, outputs: Outputs) -> None:
         if outputs.magnet_on != self._magnet_on:
             self._switch_magnet(outputs.magnet_on)
-        most_v = min(self.board.motor.max_voltage_v, self.settings.drive.max_voltage_v)
+        most_v = min(self._motor_most_v, self.settings.drive.max_voltage_v)
         try:
             self.board.motor.set_voltage_v(max(-most_v, min(most_v, outputs.voltage_v)))
         except DeviceError as error:

@@ -33,21 +33,18 @@ def watch(machine: Machine, snap: Snapshot, settings: FlightSettings) -> tuple[M
     """The machine with each monitor's count of ticks beyond its limit, and the names of dead monitors."""
     counts: dict[str, int] = {}
     dead: list[str] = []
-    for name, rule in settings.monitors.items():
-        if not rule.measured:
-            continue
+    for name, rule in settings.measured_monitors:
         try:
             quantity = QUANTITIES[name](machine, snap, settings)
         except (ArithmeticError, LookupError, TypeError, ValueError):
             quantity = math.nan
-        if quantity is not None and math.isnan(quantity):
+        if quantity is None:  # nothing new is known
+            if name in machine.beyond_ticks and machine.phase in rule.phases:
+                counts[name] = machine.beyond_ticks[name]
+        elif math.isnan(quantity):
             dead.append(name)
-        elif machine.phase in rule.phases:
-            before = machine.beyond_ticks.get(name, 0)
-            if quantity is None:  # nothing new is known
-                counts.update({name: before} if before else {})
-            elif rule.exceeded_by(quantity):
-                counts[name] = before + 1
+        elif rule.exceeded_by(quantity) and machine.phase in rule.phases:
+            counts[name] = machine.beyond_ticks.get(name, 0) + 1
     return replace(machine, beyond_ticks=counts), tuple(dead)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated
 
@@ -166,6 +167,11 @@ class FlightSettings:
     log: LogSettings
     surface: SurfaceLearning
     monitors: dict[str, MonitorSettings]
+
+    @cached_property
+    def measured_monitors(self) -> tuple[tuple[str, MonitorSettings], ...]:
+        """The monitors that compare a quantity with a limit, in the order of the table."""
+        return tuple((name, rule) for name, rule in self.monitors.items() if rule.measured)
 
     @property
     def max_compression_m(self) -> float:

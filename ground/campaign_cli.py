@@ -24,7 +24,9 @@ def campaign() -> None:
 
 @campaign_app.command()
 def faults(
-    count: Annotated[int, typer.Option(min=1, help="Faults to plant, one to three in a mission.")] = 100,
+    count: Annotated[
+        int, typer.Option(min=1, help="Faults that make a difference, several in a mission.")
+    ] = 100,
     seed: Annotated[int, typer.Option(help="Seed; the same one draws the same cases.")] = 1,
     out: Annotated[Path, typer.Option("--out", help="Folder that keeps each case; goes on there.")] = Path(
         "out/campaign-faults"
@@ -43,7 +45,8 @@ def faults(
     console.table("Ends", ("reason", "missions"), [(k, str(v)) for k, v in result.ends.most_common()])
     console.say(
         f"{result.faults} faults in {len(result.rows)} missions: {sum(result.hazards.values())} hazards, "
-        f"{result.without_effect} faults without effect"
+        f"{result.without_effect} faults without effect (a further {result.came_to_nothing} came to nothing and "
+        "do not count)"
     )
     if sum(result.hazards.values()):
         raise typer.Exit(1)
@@ -56,6 +59,7 @@ def figures(result: CampaignResult) -> dict[str, dict[str, object]]:
         "missions": len(result.rows),
         "hazards": sum(result.hazards.values()),
         "without_effect": result.without_effect,
+        "came_to_nothing": result.came_to_nothing,
         **{f"hazard_{name}": number for name, number in result.hazards.items()},
     }
     return {name: {"value": value, "unit": "1"} for name, value in values.items()}

@@ -1,10 +1,10 @@
 """Explores the product of the hop state machine with its interlocks, exhaustively.
 
-A state is what the machine remembers that is no number: phase, load, trust, reason, target, fire time, positions known,
-retries, monitors beyond their limit. Everything else (times, readings, the nut's rest, the quality of the latch test) is
-chosen anew at each step from representatives of all cases, so that more can be reached here than on a robot. From each
-state the real `step` is taken with every combination of these and of commands, and what it answers is held to rules
-that are written here from the inputs alone.
+A state is what the machine remembers that is no number: phase, load, trust, reason, target, fire time, positions
+known, retries, monitors beyond their limit. Everything else (times, readings, the nut's rest, how good the latch test
+was) is chosen anew at each step from representatives of all cases, so that more can be reached here than on a robot.
+From each state the real `step` is taken with every combination of these and of commands, and what it answers is held
+to rules that are written here from the inputs alone.
 """
 
 from __future__ import annotations

@@ -11,8 +11,9 @@
 | `flicker` | each read fails with probability `size` | |
 | `short` | | magnet: `size` times its current shows |
 
-and of what is neither: `supply` `sag` by `size` volts; `clock` `jump` forward by `size` seconds at once;
-`clock` `late`: each wait lasts `size` seconds too long. `crash`: a driver raises what no driver should.
+and of what is neither: `lock` `fail`: it does not take the string when the nut is at home; `supply` `sag` by
+`size` volts; `clock` `jump` forward by `size` seconds at once; `clock` `late`: each wait lasts `size` seconds too
+long. `crash`: a driver raises what no driver should.
 
 A motor without power is one at 0 V: its driver shorts the terminals, so it brakes.
 """
@@ -48,6 +49,7 @@ DEVICES = (
     "accelerometer",
     "magnet_current",
     "switches",
+    "lock",
     "supply",
     "clock",
 )
@@ -69,8 +71,8 @@ class Faults:
 
     def __init__(self) -> None:
         self._faults: list[Fault] = []
-        self.effective: set[Fault] = set()
-        """Those that have changed what the flight software reads, or what an actuator does."""
+        self.effects_s: dict[Fault, float] = {}
+        """When each first changed what the flight software reads, or what an actuator does; not, if it never did."""
 
     def plant(
         self, device: str, kind: str, from_s: float, until_s: float | None = None, size: float = 0.0
@@ -81,6 +83,10 @@ class Faults:
         if kind not in KINDS:
             raise ConfigError(f"faults: kind = {kind!r} is unknown; known here: {', '.join(KINDS)}")
         self._faults.append(Fault(device, kind, from_s, math.inf if until_s is None else until_s, size))
+
+    def note(self, fault: Fault, now_s: float) -> None:
+        """A fault makes a difference now."""
+        self.effects_s.setdefault(fault, now_s)
 
     def plant_all(self, faults: tuple[FaultSettings, ...]) -> None:
         """Add the faults of a settings file."""

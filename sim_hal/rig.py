@@ -68,13 +68,17 @@ class Rig:
 
     def _step(self, end_s: float) -> None:
         self._drop_power_of_silent_actuators()
+        lock_fault = self.faults.of("lock", end_s)
+        self.world.lock_blocked = lock_fault is not None
         wanted = {name: sensor.due(end_s) for name, sensor in self.sensors.items()}
         truth = self.world.advance(end_s, {CHANNELS[name]: times for name, times in wanted.items()})
         self.now_s = end_s
         for name, times in wanted.items():
             fault = self._fault_of(name, end_s)
             if self.sensors[name].record(times, truth[CHANNELS[name]], fault) and fault:
-                self.faults.effective.add(fault)
+                self.faults.note(fault, end_s)
+        if lock_fault is not None and self.world.lock_is_due:
+            self.faults.note(lock_fault, end_s)
         for witness in self.witnesses:
             witness(end_s)
 
@@ -92,7 +96,7 @@ class Rig:
             return True
         if fault.kind == "flicker" and float(self._flicker.random()) >= fault.size:
             return True
-        self.faults.effective.add(fault)
+        self.faults.note(fault, self.now_s)
         if fault.kind == "crash":
             raise ZeroDivisionError(f"{device}: a bug in its driver")
         return False
@@ -103,7 +107,7 @@ class Rig:
         fault = self.faults.of("supply", self.now_s)
         if fault is None or fault.kind != "sag":
             return self.nominal_supply_v
-        self.faults.effective.add(fault)
+        self.faults.note(fault, self.now_s)
         return self.nominal_supply_v - fault.size
 
     def stroke(self) -> None:
@@ -132,13 +136,13 @@ class Rig:
         """A broken actuator that does not do what it is told, or has lost its power, makes a difference."""
         fault = self.faults.of(actuator, self.now_s)
         if fault is not None and fault.kind != "short" and differs:
-            self.faults.effective.add(fault)
+            self.faults.note(fault, self.now_s)
 
     def note_effect(self, device: str) -> None:
         """The device's fault has made a difference."""
         fault = self.faults.of(device, self.now_s)
         if fault is not None:
-            self.faults.effective.add(fault)
+            self.faults.note(fault, self.now_s)
 
     def _obeys(self, actuator: str) -> bool:
         fault = self.faults.of(actuator, self.now_s)

@@ -13,13 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hal.errors import CommandRefused, ReadFailed
 from sim_hal.faults import Fault
 from sim_hal.settings import Mode, SensorSettings
-
-Floats = NDArray[np.float64]
 
 GRID_TOLERANCE_S = 1e-9
 """A sample instant this little after `now` counts as reached: sums of tick periods round either way."""
@@ -34,17 +31,17 @@ class Sample:
     saturated: bool
 
 
-def _broken(values: Floats, noise: Floats, fault: Fault, latest: Sample | None) -> Floats:
-    """What a broken sensor makes of its samples (n,); `noise` (n,) is white with a sigma of 1."""
+def _broken(value: float, noise: float, fault: Fault, latest: Sample | None) -> float:
+    """What a broken sensor makes of a sample; `noise` is white with a sigma of 1."""
     if fault.kind == "offset":
-        return values + fault.size
+        return value + fault.size
     if fault.kind in ("scale", "short"):
-        return values * fault.size
+        return value * fault.size
     if fault.kind == "noise":
-        return values + fault.size * noise
+        return value + fault.size * noise
     if fault.kind == "stick" and latest is not None:
-        return np.full_like(values, latest.value)
-    return values
+        return latest.value
+    return value
 
 
 class SampledSensor:
@@ -100,24 +97,26 @@ class SampledSensor:
         """
         if not instants:
             return False
-        mode = self._mode
+        mode, stuck_at, differs = self._mode, self._latest, False
         # the noise is drawn even by a broken sensor, so that a fault leaves all later samples as they were
-        noise = self._random.standard_normal(len(instants))
-        values = np.asarray(truth) + mode.noise_std * noise
+        drawn = self._random.standard_normal(len(instants)).tolist()
         if fault is not None and fault.kind in ("silent", "fail"):
             return True
-        healthy = self._digital(values)
-        shown = self._digital(_broken(values, noise, fault, self._latest)) if fault else healthy
-        for time_s, value in zip(instants, shown.tolist(), strict=True):
-            self._append(Sample(time_s, value, not mode.low < value < mode.high))
-        return bool(np.any(shown != healthy))
+        # plain numbers: most batches are of one sample, for which arrays take several times as long
+        for time_s, true, noise in zip(instants, truth, drawn, strict=True):
+            measured = true + mode.noise_std * noise
+            shown = self._digital(measured)
+            if fault is not None:
+                healthy, shown = shown, self._digital(_broken(measured, noise, fault, stuck_at))
+                differs = differs or shown != healthy
+            self._append(Sample(time_s, shown, not mode.low < shown < mode.high))
+        return differs
 
-    def _digital(self, values: Floats) -> Floats:
+    def _digital(self, value: float) -> float:
         """Rounded to the step, then limited to the range."""
         if self.step > 0.0:
-            values = np.round(values / self.step) * self.step
-        clipped: Floats = np.clip(values, self._mode.low, self._mode.high)
-        return clipped
+            value = round(value / self.step) * self.step
+        return min(max(value, self._mode.low), self._mode.high)
 
     def _append(self, sample: Sample) -> None:
         self._overrun = self._overrun or len(self._fifo) == self._fifo.maxlen

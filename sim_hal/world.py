@@ -40,6 +40,8 @@ class World:
         self.voltage_v = 0.0
         self.magnet_on = False
         self.latch_closed = settings.initial.latch_closed
+        self.lock_blocked = False
+        """Whether the lock is broken: it does not take the string any more."""
         self.hops: list[HopTruth] = []
         self._coil = Coil(hop)
         self._power_up_m = settings.initial.nut_position_m
@@ -105,6 +107,11 @@ class World:
     def at_home(self) -> bool:
         """Whether the nut presses the home switch."""
         return self._drive.position_m <= self._settings.rig.home_position_m
+
+    @property
+    def lock_is_due(self) -> bool:
+        """Whether an open lock should take the string now."""
+        return self.at_home and not self.magnet_on and not self.latch_closed and self._hop is None
 
     def set_voltage_v(self, voltage_v: float) -> None:
         """Apply a voltage to the motor from now on."""
@@ -190,7 +197,7 @@ class World:
         self._standing_m_s2 = standing_reading_m_s2(self.plant_here, self.conditions)
 
     def _close_latch_at_home(self) -> None:
-        if self.at_home and not self.magnet_on and not self.latch_closed and self._hop is None:
+        if self.lock_is_due and not self.lock_blocked:
             self.latch_closed = True
             self._drive.hold_string()
 

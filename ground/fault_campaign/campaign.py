@@ -28,11 +28,18 @@ class CampaignResult:
 
     @property
     def faults(self) -> int:
+        """Faults that count: those that have made a difference."""
         return sum(len(row["case"]["faults"]) for row in self.rows)
 
     @property
     def without_effect(self) -> int:
-        return sum(row["without_effect"] for row in self.rows)
+        """Faults that count though no effect of theirs is on record."""
+        return self.faults - sum(len(row["effects_s"]) for row in self.rows)
+
+    @property
+    def came_to_nothing(self) -> int:
+        """Further faults that were planted and made none; they do not count."""
+        return sum(row["came_to_nothing"] for row in self.rows)
 
     @property
     def hazards(self) -> Counter[str]:
@@ -53,7 +60,7 @@ def run_campaign(
     processes: int,
     show: Callable[[str, float], None],
 ) -> CampaignResult:
-    """Fly cases until `wanted` faults have been planted; `show` is told a text and how many there are by now.
+    """Fly cases until `wanted` faults have made a difference; `show` is told a text and how many there are by now.
 
     Cases already in `folder` count. Raises `ConfigError` when those are of another seed.
     """
@@ -114,4 +121,4 @@ def _flown(settings: CampaignSettings, seed: int, done: set[int], processes: int
 
 def _fly(job: tuple[CampaignSettings, int, int]) -> dict[str, Any]:
     settings, seed, index = job
-    return fly_case(settings, draw_case(settings, index, seed), seed).as_row()
+    return fly_case(settings, draw_case(settings, index, seed)).as_row()

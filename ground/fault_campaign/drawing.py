@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -48,6 +48,8 @@ class CampaignSettings:
     mission: MissionDraw
     faults_at_once: Annotated[int, Limits(1, 10)]
     apart_s: float
+    groups: Annotated[int, Limits(1, 10)]
+    groups_apart_s: tuple[float, ...]
     length_s: tuple[float, ...]
     horizon_s: float
     kinds: tuple[Any, ...]
@@ -96,37 +98,40 @@ def draw_case(settings: CampaignSettings, index: int, seed: int) -> FaultCase:
     mission = settings.mission
     loaded = bool(rng.random() < mission.found_loaded_share)
     span_j = mission.strong_j if rng.random() < mission.strong_share else mission.energies_j
-    case = FaultCase(
+    return FaultCase(
         index=index,
         seed=int(rng.integers(2**31)),
         surface=str(rng.choice(mission.surfaces)),
         energy_j=_log_uniform(rng, *span_j),
         nut_m=_uniform(rng, *(mission.found_nut_m if loaded else mission.start_nut_m)),
         loaded=loaded,
-        faults=(),
+        faults=_faults(settings, rng),
     )
-    return with_faults(settings, case, rng)
 
 
-def redrawn(settings: CampaignSettings, case: FaultCase, attempt: int, seed: int) -> FaultCase:
-    """The same mission with other faults: those drawn before came to nothing."""
-    return with_faults(settings, case, np.random.default_rng([seed, case.index, attempt]))
-
-
-def with_faults(settings: CampaignSettings, case: FaultCase, rng: np.random.Generator) -> FaultCase:
-    """The case with newly drawn faults of different devices, whose onsets lie close together."""
-    count = int(rng.integers(1, settings.faults_at_once + 1))
-    first_s = float(rng.uniform(0.0, settings.horizon_s))
-    rows = rng.permutation(len(settings.kinds))
+def _faults(settings: CampaignSettings, rng: np.random.Generator) -> tuple[PlantedFault, ...]:
+    """Faults of different devices in up to so many groups, within which the onsets lie close together."""
     faults: list[PlantedFault] = []
-    for row in rows:
-        device, kind, low, high = settings.kinds[int(row)]
-        if len(faults) < count and device not in {fault.device for fault in faults}:
-            from_s = first_s + float(rng.uniform(0.0, settings.apart_s))
-            length_s = _log_uniform(rng, *settings.length_s)
-            until_s = None if length_s > FOR_GOOD_S else from_s + length_s
-            faults.append(PlantedFault(device, kind, from_s, until_s, float(rng.uniform(low, high))))
-    return replace(case, faults=tuple(faults))
+    rows = [settings.kinds[int(row)] for row in rng.permutation(len(settings.kinds))]
+    first_s = float(rng.uniform(0.0, settings.horizon_s))
+    for _ in range(int(rng.integers(1, settings.groups + 1))):
+        for _ in range(int(rng.integers(1, settings.faults_at_once + 1))):
+            taken = {fault.device for fault in faults}
+            row = next((row for row in rows if row[0] not in taken), None)
+            if row is not None:
+                faults.append(_fault(settings, rng, row, first_s))
+        first_s += _uniform(rng, *settings.groups_apart_s)
+    return tuple(faults)
+
+
+def _fault(
+    settings: CampaignSettings, rng: np.random.Generator, row: list[Any], first_s: float
+) -> PlantedFault:
+    device, kind, low, high = row
+    from_s = first_s + float(rng.uniform(0.0, settings.apart_s))
+    length_s = _log_uniform(rng, *settings.length_s)
+    until_s = None if length_s > FOR_GOOD_S else from_s + length_s
+    return PlantedFault(device, kind, from_s, until_s, float(rng.uniform(low, high)))
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from flight.mcap_stream import read_mcap
 from flight.mission import HopPlan, MissionPlan
 from flight.settings import FlightSettings
 from flight.surface.known import SurfaceSettings, load_surfaces
-from ground.fault_campaign.drawing import CampaignSettings, FaultCase, PlantedFault, redrawn
+from ground.fault_campaign.drawing import CampaignSettings, FaultCase, PlantedFault
 from ground.fault_campaign.hazards import Witness, judge_releases, judge_reports
 from hal.board import open_board
 from hal.config import config_path, read_yaml
@@ -25,19 +25,23 @@ from hal.tap import tap_board
 from sim_hal.board import SimBoard
 from sim_hal.faults import Faults
 
-ATTEMPTS = 4
 OUTSIDE = ("log", "ground_link")  # devices whose faults are not the simulated board's
 
 
 @dataclass(frozen=True)
 class CaseResult:
-    """What became of one case."""
+    """What became of one case.
+
+    `case.faults` are those that have made a difference; one that came to nothing leaves the mission to the bit as it
+    would have been without it, so it is taken out and only counted in `came_to_nothing`.
+    """
 
     case: FaultCase
+    effects_s: tuple[float, ...]  # when each fault first made a difference
+    came_to_nothing: int
     end_reason: str
     releases: int
     hazards: tuple[str, ...]
-    without_effect: int
     simulated_s: float
 
     def as_row(self) -> dict[str, Any]:
@@ -50,7 +54,7 @@ class CampaignLog:
 
     def __init__(self, log: McapLog, full: PlantedFault | None) -> None:
         self._log, self._full = log, full
-        self.problem = ""
+        self.problem, self.problem_s = "", float("inf")
         self.written = 0
         self.accepted: list[tuple[float, str]] = []
         self.reports: list[Mapping[str, Any]] = []
@@ -62,20 +66,11 @@ class CampaignLog:
         elif topic == "hop":
             self.reports.append(payload)
         if self._full is not None and time_s >= self._full.from_s:
-            self.problem = "no space left on the disc"
+            self.problem = self.problem or "no space left on the disc"
+            self.problem_s = min(self.problem_s, time_s)
         if not self.problem:
             self._log.write(topic, time_s, payload)
             self.written += 1
-
-
-def fly_case(settings: CampaignSettings, case: FaultCase, seed: int) -> CaseResult:
-    """Fly a case; one in which a fault came to nothing is drawn again, a few times."""
-    result = _fly_once(settings, case)
-    for attempt in range(1, ATTEMPTS):
-        if not result.without_effect or result.hazards:
-            break
-        result = _fly_once(settings, redrawn(settings, case, attempt, seed))
-    return result
 
 
 @cache
@@ -83,7 +78,8 @@ def _given() -> tuple[FlightSettings, SurfaceSettings, dict[str, Any]]:
     return flight_settings.load(), load_surfaces(), read_yaml(config_path("boards", "sim.yaml"))
 
 
-def _fly_once(settings: CampaignSettings, case: FaultCase) -> CaseResult:
+def fly_case(settings: CampaignSettings, case: FaultCase) -> CaseResult:
+    """Fly a case and have it judged."""
     flight, surfaces, found = _given()
     plan = MissionPlan("faults", (HopPlan(case.energy_j, case.surface),))
     by_device = {fault.device: fault for fault in case.faults}
@@ -94,7 +90,7 @@ def _fly_once(settings: CampaignSettings, case: FaultCase) -> CaseResult:
         assert isinstance(board, SimBoard)
         witness = _witness(board, settings)
         board.rig.witnesses.append(witness)
-        forged = [0]
+        forged: list[float] = []
         if "ground_link" in by_device:
             board.rig.witnesses.append(lambda now_s: _forge(board, by_device["ground_link"], now_s, forged))
         path = Path(folder) / "flight.mcap"
@@ -102,15 +98,24 @@ def _fly_once(settings: CampaignSettings, case: FaultCase) -> CaseResult:
         log = CampaignLog(mcap, by_device.get("log"))
         result = fly(tap_board(board, log), flight, plan, log, surfaces=surfaces)
         ended_s = board.world.now_s
+        effects_s = _effects_s(board.faults, log, forged)
         _rest(board, settings.limits.after_s)
         witness.after_the_end()
         mcap.close()
         _judge_log(witness, path, log)
         judge_releases(witness, log.accepted, [case.energy_j])
         judge_reports(witness, log.reports)
-        idle = _without_effect(case, board.faults, log, forged[0])
     hazards = tuple(sorted(witness.hazards))
-    return CaseResult(case, result.end_reason, len(witness.releases), hazards, idle, ended_s)
+    felt = tuple(fault for fault in case.faults if (fault.device, fault.kind) in effects_s)
+    return CaseResult(
+        case=replace(case, faults=felt),
+        effects_s=tuple(effects_s[fault.device, fault.kind] for fault in felt),
+        came_to_nothing=len(case.faults) - len(felt),
+        end_reason=result.end_reason,
+        releases=len(witness.releases),
+        hazards=hazards,
+        simulated_s=ended_s,
+    )
 
 
 def _memory_folder() -> str | None:
@@ -140,12 +145,12 @@ def _witness(board: SimBoard, settings: CampaignSettings) -> Witness:
     )
 
 
-def _forge(board: SimBoard, fault: PlantedFault, now_s: float, sent: list[int]) -> None:
+def _forge(board: SimBoard, fault: PlantedFault, now_s: float, sent: list[float]) -> None:
     """Somebody without the key commands everything that is dangerous."""
     if fault.from_s <= now_s < (fault.until_s or float("inf")):
         for name in ("arm", "fire", "reset"):
             board.link.command(name, authenticated=False)
-            sent[0] += 1
+        sent.append(now_s)
 
 
 def _rest(board: SimBoard, for_s: float) -> None:
@@ -165,8 +170,11 @@ def _judge_log(witness: Witness, path: Path, log: CampaignLog) -> None:
     witness.hazards.add("log_lost")
 
 
-def _without_effect(case: FaultCase, faults: Faults, log: CampaignLog, forged: int) -> int:
-    seen = {(fault.device, fault.kind) for fault in faults.effective}
-    seen |= {("log", "full")} if log.problem else set()
-    seen |= {("ground_link", "forge")} if forged else set()
-    return sum((fault.device, fault.kind) not in seen for fault in case.faults)
+def _effects_s(faults: Faults, log: CampaignLog, forged: list[float]) -> dict[tuple[str, str], float]:
+    """When each fault first made a difference to the flight, by device and kind; one that made none is not there."""
+    found = {(fault.device, fault.kind): time_s for fault, time_s in faults.effects_s.items()}
+    if log.problem:
+        found["log", "full"] = log.problem_s
+    if forged:
+        found["ground_link", "forge"] = forged[0]
+    return found

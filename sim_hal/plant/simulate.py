@@ -73,6 +73,7 @@ class Simulator:
         for channel, late in self._late.items():
             if late.skew < 0.0 or late.delay_s < 0.0:
                 raise SimulationError(f"{plant.name}: {channel} is early: what is to come cannot be read")
+        self._latest: dict[str, float] | None = None  # outputs at the present time
         self._history: list[tuple[float, dict[str, float]]] = []
         self._remember()
 
@@ -92,12 +93,15 @@ class Simulator:
             if not np.isfinite(value):
                 raise SimulationError(f"input {name} = {value} is not finite")
             self._inputs[names.index(name)] = value
-        inside = self._events[(self._events > self.time_s) & (self._events < to_time_s)]
-        self._follow(np.unique([self.time_s, *inside, to_time_s]), np.empty(0))
+        inside = [event for event in self._events.tolist() if self.time_s < event < to_time_s]
+        breaks = sorted({self.time_s, *inside, to_time_s})
+        self._latest = self._named(self._follow(np.array(breaks), np.array([to_time_s])))
         self._remember()
 
     def outputs(self) -> dict[str, float]:
         """Outputs and definitions by name at the present time, SI."""
+        if not self._late:
+            return dict(self._now())
         return self._now() | {
             channel: self._delayed(channel, float(late.seen_s(np.array(self.time_s))))
             for channel, late in self._late.items()
@@ -115,6 +119,7 @@ class Simulator:
         if time_s < self.time_s:
             raise SimulationError(f"event {name} at t = {time_s} s is in the past (t = {self.time_s} s)")
         self._events[self._flags.index(name)] = time_s
+        self._latest = None
 
     def flag(self, name: str) -> bool:
         """Whether a flag is set or an event has happened."""
@@ -131,14 +136,21 @@ class Simulator:
         return float(self._machine.registers[0, getattr(layout, block) + self._flags.index(name)])
 
     def _follow(self, breaks: np.ndarray, samples: np.ndarray) -> np.ndarray:
-        rows = np.tile(self._inputs, (len(breaks), 1))
+        rows = np.empty((len(breaks), len(self._inputs)))
+        rows[:] = self._inputs
         plan = Schedule(breaks, rows, np.zeros_like(rows), self._events, samples)
         self._room[engine.CLOCK, engine.STEPS] = 0.0
         return self._compiled.follow(self._machine, plan)[0]
 
     def _now(self) -> dict[str, float]:
-        here = np.array([self.time_s])
-        return dict(zip(self._names, self._follow(here, here)[0].tolist(), strict=True))
+        """Outputs at the present time, computed once."""
+        if self._latest is None:
+            here = np.array([self.time_s])
+            self._latest = self._named(self._follow(here, here))
+        return self._latest
+
+    def _named(self, outputs: np.ndarray) -> dict[str, float]:
+        return dict(zip(self._names, outputs[0].tolist(), strict=True))
 
     def _remember(self) -> None:
         """Keep late channels' values, no longer than they are late."""
