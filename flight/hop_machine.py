@@ -24,9 +24,24 @@ def step(
     machine: Machine, snap: Snapshot, commands: Sequence[GroundCommand], settings: FlightSettings
 ) -> Step:
     """One tick: observe, look for faults, obey commands, act by phase. Pure."""
-    observed, dead = watch(_observe(machine, snap, settings), snap, settings)
+    return decide(*observe(machine, snap, settings), snap, commands, settings)
+
+
+def observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> tuple[Machine, tuple[str, ...]]:
+    """First half of a tick: the machine with what the readings tell, and the names of dead monitors."""
+    return watch(_observe(machine, snap, settings), snap, settings)
+
+
+def decide(
+    observed: Machine,
+    dead: tuple[str, ...],
+    snap: Snapshot,
+    commands: Sequence[GroundCommand],
+    settings: FlightSettings,
+) -> Step:
+    """Second half of a tick: answer faults, obey commands, act by phase."""
     tick = Tick(observed, snap, settings)
-    fault = None if machine.phase is Phase.SAFE else find_fault(observed, dead, settings)
+    fault = None if observed.phase is Phase.SAFE else find_fault(observed, dead, settings)
     if fault is not None:
         tick.fail(fault)
     for command in commands:

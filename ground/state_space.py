@@ -17,7 +17,7 @@ from functools import cache
 
 from flight import hop_machine
 from flight.settings import FlightSettings
-from flight.states import SENSORS, LineFit, Machine, Outputs, Phase, Snapshot, Target
+from flight.states import SENSORS, LineFit, Machine, Outputs, Phase, Snapshot, Step, Target
 from flight.tensioning import compression_for_energy_m, hold_voltage_v
 from hal.readings import GroundCommand
 
@@ -56,7 +56,7 @@ DISTURBANCES = (
 
 
 @dataclass(frozen=True)
-class Choice:
+class World:
     """One combination of what the world may do at a tick."""
 
     age_s: float  # of the phase
@@ -66,8 +66,15 @@ class Choice:
     compression: float  # of the target's
     still: bool  # the robot stands
     disturbance: str
-    commands: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Orders:
+    """What the ground may send at a tick."""
+
+    names: tuple[str, ...]
     signed: bool
+    commands: tuple[GroundCommand, ...]
 
 
 @dataclass(frozen=True)
@@ -79,14 +86,17 @@ class Alphabet:
     disturbances: tuple[str, ...] = DISTURBANCES
     commands: tuple[tuple[str, ...], ...] = COMMANDS
 
-    def choices(self) -> Iterator[Choice]:
-        """Every combination."""
+    def worlds(self) -> Iterator[World]:
+        """Every combination of what the world may do."""
         both = (False, True)
-        for combination in itertools.product(
-            self.ages_s, both, both, both, self.compressions, both, self.disturbances, self.commands, both
-        ):
-            if combination[7] or combination[8]:  # no command needs no signature
-                yield Choice(*combination)
+        kinds = (self.ages_s, both, both, both, self.compressions, both, self.disturbances)
+        return (World(*combination) for combination in itertools.product(*kinds))
+
+    def orders(self) -> Iterator[Orders]:
+        """Every combination of what the ground may send; nothing needs no signature."""
+        for names, signed in itertools.product(self.commands, (False, True)):
+            if names or signed:
+                yield Orders(names, signed, tuple(_command(name, signed) for name in names))
 
 
 @dataclass
@@ -100,30 +110,32 @@ class Exploration:
     unsafe: dict[str, int] = field(default_factory=dict)
     example: str = ""
 
-    def mark(self, rule: str, machine: Machine, choice: Choice) -> None:
+    def mark(self, rule: str, machine: Machine, world: World, orders: Orders) -> None:
         """Count something unsafe."""
         self.unsafe[rule] = self.unsafe.get(rule, 0) + 1
-        self.example = self.example or f"{rule}: from {machine.phase} with {choice}"
+        self.example = self.example or f"{rule}: from {machine.phase} with {world} and {orders}"
 
 
 def explore(settings: FlightSettings, alphabet: Alphabet | None = None) -> Exploration:
     """Take every step from every reachable state."""
-    settings, choices = _quick(settings), tuple((alphabet or Alphabet()).choices())
-    found, start = Exploration(), _key(Machine())
-    seen, waiting = {start}, deque([Machine()])
+    alphabet = alphabet or Alphabet()
+    settings, worlds, all_orders = _quick(settings), tuple(alphabet.worlds()), tuple(alphabet.orders())
+    found, seen, waiting = Exploration(), {_key(Machine())}, deque([Machine()])
     while waiting:
         state = waiting.popleft()
         found.states += 1
         found.phases.add(state.phase)
-        for choice in choices:
-            machine, snap, commands = _concrete(state, choice, settings)
-            step = hop_machine.step(machine, snap, commands, settings)
-            found.transitions += 1
-            found.magnet_on += step.outputs.magnet_on
-            _judge(found, machine, choice, step.machine, step.outputs, settings)
-            if (key := _key(step.machine)) not in seen:
-                seen.add(key)
-                waiting.append(step.machine)
+        for world in worlds:
+            machine, snap = _concrete(state, world, settings)
+            observed, dead = hop_machine.observe(machine, snap, settings)  # the same whatever is commanded
+            for orders in all_orders:
+                step = hop_machine.decide(observed, dead, snap, orders.commands, settings)
+                found.transitions += 1
+                found.magnet_on += step.outputs.magnet_on
+                _judge(found, machine, world, orders, step, settings)
+                if (key := _key(step.machine)) not in seen:
+                    seen.add(key)
+                    waiting.append(step.machine)
     return found
 
 
@@ -147,14 +159,12 @@ def _key(machine: Machine) -> tuple[object, ...]:
         machine.home_m is not None,
         machine.taut_m is not None,
         machine.retries,
-        bool(machine.beyond_ticks),
+        frozenset(machine.beyond_ticks),
     )
 
 
-def _concrete(
-    state: Machine, choice: Choice, settings: FlightSettings
-) -> tuple[Machine, Snapshot, tuple[GroundCommand, ...]]:
-    """A machine of that state and the readings of that choice."""
+def _concrete(state: Machine, choice: World, settings: FlightSettings) -> tuple[Machine, Snapshot]:
+    """A machine of that state and the readings of that world."""
     full_m = compression_for_energy_m(WANTED_J, settings.rig)
     s_m, ratio = choice.compression * full_m, settings.rig.travel_per_compression
     rest, upset = settings.rig.static_reading_m_s2, choice.disturbance
@@ -208,7 +218,7 @@ def _concrete(
         log_failed=upset == "log_failed",
         supply_v=float("nan") if upset == "unmeasurable" else 12.0,
     )
-    return machine, snap, tuple(_command(name, choice.signed) for name in choice.commands)
+    return machine, snap
 
 
 @cache
@@ -225,56 +235,60 @@ def _command(name: str, signed: bool) -> GroundCommand:
 
 
 def _judge(
-    found: Exploration,
-    before: Machine,
-    choice: Choice,
-    after: Machine,
-    outputs: Outputs,
-    settings: FlightSettings,
+    found: Exploration, before: Machine, world: World, orders: Orders, step: Step, settings: FlightSettings
 ) -> None:
-    """The rules, from the choice alone."""
-    undisturbed = choice.disturbance == "none"
+    """The rules, from world and orders alone."""
+    broken = (
+        *_broken_by_magnet(before, world, orders, step),
+        *_broken_by_drive(before, world, orders, step, settings),
+    )
+    for rule in broken:
+        found.mark(rule, before, world, orders)
+
+
+def _broken_by_magnet(before: Machine, world: World, orders: Orders, step: Step) -> Iterator[str]:
+    after, outputs = step.machine, step.outputs
     may_fire = (
         before.phase is Phase.ARMED
-        and choice.signed
-        and choice.commands[-1:] == ("fire",)
-        and choice.age_s == 1.0
-        and choice.settled
-        and choice.latched
-        and choice.compression == 1.0
-        and choice.still
-        and undisturbed
+        and orders.signed
+        and orders.names[-1:] == ("fire",)
+        and world.age_s == 1.0
+        and world.settled
+        and world.latched
+        and world.compression == 1.0
+        and world.still
+        and world.disturbance == "none"
         and before.target is not None
         and before.reason == ""
         and before.drive_trusted
     )
     if outputs.magnet_on and not (may_fire or before.phase is Phase.FIRING):
-        found.mark("magnet_on_without_leave", before, choice)
+        yield "magnet_on_without_leave"
     if outputs.magnet_on and after.phase is not Phase.FIRING:
-        found.mark("magnet_on_outside_firing", before, choice)
+        yield "magnet_on_outside_firing"
+    if after.phase is Phase.FIRING and not (may_fire or before.phase is Phase.FIRING):
+        yield "firing_without_leave"
+    may_arm = before.phase is Phase.HOLD and orders.signed and "arm" in orders.names
+    if after.phase is Phase.ARMED and not (may_arm or before.phase is Phase.ARMED):
+        yield "armed_without_command"
+
+
+def _broken_by_drive(
+    before: Machine, world: World, orders: Orders, step: Step, settings: FlightSettings
+) -> Iterator[str]:
+    after, outputs = step.machine, step.outputs
     if after.phase is Phase.SAFE and outputs != Outputs():
-        found.mark("output_in_safe", before, choice)
-    if after.phase is Phase.ARMED and before.phase not in (Phase.ARMED, Phase.HOLD):
-        found.mark("armed_without_hold", before, choice)
-    if (
-        before.phase is Phase.HOLD
-        and after.phase is Phase.ARMED
-        and not (choice.signed and "arm" in choice.commands)
-    ):
-        found.mark("armed_without_command", before, choice)
+        yield "output_in_safe"
     if before.phase is Phase.SAFE and after.phase is not Phase.SAFE:
-        allowed = "reset" in choice.commands and choice.signed and before.drive_trusted and choice.settled
-        if not (allowed and undisturbed and after.loaded):
-            found.mark("left_safe_without_leave", before, choice)
+        allowed = "reset" in orders.names and orders.signed and before.drive_trusted and world.settled
+        if not (allowed and world.disturbance == "none" and after.loaded):
+            yield "left_safe_without_leave"
     if not before.drive_trusted and (after.drive_trusted or outputs.voltage_v != 0.0):
-        found.mark("untrusted_drive_used", before, choice)
-    up_v = (
-        hold_voltage_v(choice.compression * compression_for_energy_m(WANTED_J, settings.rig), settings) + 1e-6
-    )
-    raising = after.phase in (Phase.TENSIONING, Phase.LATCH_CHECK)
-    if outputs.voltage_v > up_v and not raising:
-        found.mark("tensioned_unasked", before, choice)
-    if after.phase is Phase.TENSIONING and before.phase is not Phase.TENSIONING:
-        asked = before.phase is Phase.READY and "tension" in choice.commands and choice.signed
-        if not (asked and undisturbed):
-            found.mark("tensioning_without_command", before, choice)
+        yield "untrusted_drive_used"
+    stored_m = world.compression * compression_for_energy_m(WANTED_J, settings.rig)
+    pulls = outputs.voltage_v > hold_voltage_v(stored_m, settings) + 1e-6
+    if pulls and after.phase not in (Phase.TENSIONING, Phase.LATCH_CHECK):
+        yield "tensioned_unasked"
+    may_tension = before.phase is Phase.READY and "tension" in orders.names and orders.signed
+    if after.phase is Phase.TENSIONING and not (may_tension or before.phase is Phase.TENSIONING):
+        yield "tensioning_without_command"
