@@ -82,6 +82,7 @@ def _fly(options: argparse.Namespace) -> MissionResult:
         "surfaces": config_path("surfaces.yaml").read_text(encoding="utf-8"),
         "mission": yaml.safe_dump(asdict(mission), sort_keys=False),
         "board_settings": where.read_text(encoding="utf-8"),
+        "stay_s": repr(options.stay_s),
     }
     with (
         open_board(options.board, read_yaml(where)) as opened,

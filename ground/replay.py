@@ -66,7 +66,19 @@ def replay_log(path: Path, recover: bool = False) -> ReplayResult:
     mission = log.part("mission", MissionPlan)
     surfaces = log.part("surfaces", SurfaceSettings)
     check_surfaces(surfaces, f"{path}: metadata surfaces")
-    return replay_messages(log, lambda board, tape: fly(board, settings, mission, tape, surfaces=surfaces))
+    stay_s = _stay_s(log)
+    return replay_messages(
+        log, lambda board, tape: fly(board, settings, mission, tape, surfaces=surfaces, stay_s=stay_s)
+    )
+
+
+def _stay_s(log: FlightLog) -> float:
+    """How long the flight was to wait in SAFE for the ground; logs that do not say so did not wait."""
+    text = log.metadata.get("stay_s", "0.0")
+    try:
+        return float(text)
+    except ValueError:
+        raise LogError(f"{log.path}: metadata stay_s = {text!r} is no number") from None
 
 
 def replay_messages(log: FlightLog, flight: Flight) -> ReplayResult:

@@ -47,7 +47,7 @@ DISTURBANCES = (
     "over_current",
     "disobeys",
     "magnet_failed",
-    "magnet_current",
+    "magnet_current",  # some where none shall be, none where some shall
     "log_failed",
     "clock_jump",
     "unstroked",
@@ -81,7 +81,7 @@ class Orders:
 class Alphabet:
     """What may be chosen."""
 
-    ages_s: tuple[float, ...] = (0.1, 1.0, 10.0, 700.0)
+    ages_s: tuple[float, ...] = (0.05, 1.0, 10.0, 700.0)
     compressions: tuple[float, ...] = (0.0, 0.3, 1.0, 1.2)
     disturbances: tuple[str, ...] = DISTURBANCES
     commands: tuple[tuple[str, ...], ...] = COMMANDS
@@ -116,12 +116,14 @@ class Exploration:
         self.example = self.example or f"{rule}: from {machine.phase} with {world} and {orders}"
 
 
-def explore(settings: FlightSettings, alphabet: Alphabet | None = None) -> Exploration:
-    """Take every step from every reachable state."""
+def explore(
+    settings: FlightSettings, alphabet: Alphabet | None = None, *, until_unsafe: bool = False
+) -> Exploration:
+    """Take every step from every reachable state; with `until_unsafe`, until something unsafe is found."""
     alphabet = alphabet or Alphabet()
     settings, worlds, all_orders = _quick(settings), tuple(alphabet.worlds()), tuple(alphabet.orders())
     found, seen, waiting = Exploration(), {_key(Machine())}, deque([Machine()])
-    while waiting:
+    while waiting and not (until_unsafe and found.unsafe):
         state = waiting.popleft()
         found.states += 1
         found.phases.add(state.phase)
@@ -208,7 +210,7 @@ def _concrete(state: Machine, choice: World, settings: FlightSettings) -> tuple[
         at_home=choice.at_home,
         latch_closed=choice.latched,
         compression_m=s_m,
-        magnet_current_a=1.5 if upset == "magnet_current" else 0.0,
+        magnet_current_a=1.4 if (upset == "magnet_current") != (state.phase is Phase.FIRING) else 0.0,
         specific_force_m_s2=rest,
         specific_force_low_m_s2=rest,
         specific_force_high_m_s2=force,
@@ -281,7 +283,7 @@ def _broken_by_drive(
         yield "output_in_safe"
     if before.phase is Phase.SAFE and after.phase is not Phase.SAFE:
         allowed = "reset" in orders.names and orders.signed and before.drive_trusted and world.settled
-        if not (allowed and world.disturbance == "none" and after.loaded):
+        if not (allowed and world.disturbance in ("none", "old") and after.loaded):
             yield "left_safe_without_leave"
     if not before.drive_trusted and (after.drive_trusted or outputs.voltage_v != 0.0):
         yield "untrusted_drive_used"

@@ -46,13 +46,18 @@ def unknown(found: Iterator[tuple[str, str, str]]) -> list[tuple[str, str]]:
         "GroundCommand": COMMANDS,
         "_own": COMMANDS,
         "command": COMMANDS,
+        "send": dictionary().topics,
     }
     return [(place, text) for place, function, text in found if text not in homes.get(function, {text})]
 
 
 def used() -> Iterator[tuple[str, str, str]]:
     """The calls that name something of the dictionary; the command line's own words do not."""
-    return (call for call in calls() if not (call[1] in ("command", "say") and call[0].startswith("ground/")))
+    return (
+        call
+        for call in calls()
+        if not (call[1] in ("command", "say", "send") and call[0].startswith("ground/"))
+    )
 
 
 def test_every_name_in_the_code_is_in_the_dictionary() -> None:
@@ -66,8 +71,9 @@ def test_a_name_that_is_not_in_the_dictionary_is_found() -> None:
         ("here:1", "say", "nonesuch"),
         ("here:2", "GroundCommand", "launch"),
         ("here:3", "say", "fault"),
+        ("here:4", "send", "gossip"),
     ]
-    assert unknown(iter(planted)) == [("here:1", "nonesuch"), ("here:2", "launch")]
+    assert unknown(iter(planted)) == [("here:1", "nonesuch"), ("here:2", "launch"), ("here:4", "gossip")]
     with pytest.raises(KeyError):
         Event("nonesuch").severity  # noqa: B018 (asking is what fails)
 
@@ -102,6 +108,32 @@ def test_every_reading_is_a_channel_with_a_unit_that_fits_its_name() -> None:
     assert wanted <= set(channels)
     suffix = {"A": "_a", "V": "_v", "m": "_m", "m/s": "_m_s", "m/s²": "_m_s2"}
     assert all(name.endswith(suffix.get(entry.unit, "")) for name, entry in channels.items())
+
+
+def test_the_unit_of_each_parameter_is_the_one_in_its_name() -> None:
+    ends = {
+        **{
+            "kg*m²": "_kg_m2",
+            "N*s/m": "_n_s_m",
+            "N*m*s": "_n_m_s",
+            "N*m": "_n_m",
+            "K/W": "_k_w",
+            "V/s": "_v_s",
+        },
+        **{
+            "m/s²": "_m_s2",
+            "N/m": "_n_m",
+            "m/s": "_m_s",
+            "1/s": "_1_s",
+            "Hz": "_hz",
+            "ohm": "_ohm",
+            "kg": "_kg",
+        },
+        **{"s": "_s", "m": "_m", "J": "_j", "A": "_a", "V": "_v", "W": "_w", "ticks": "_ticks"},
+    }
+    units = {name: entry.unit for name, entry in dictionary().parameters.items() if "monitors." not in name}
+    wrong = [f"{name} in {unit}" for name, unit in units.items() if not name.endswith(ends.get(unit, ""))]
+    assert wrong == []
 
 
 def test_the_page_in_the_documentation_is_the_dictionary() -> None:
