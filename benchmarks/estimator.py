@@ -1,6 +1,6 @@
 """How well a jump's time of flight and energy are estimated, over thousands of simulated hops, beside the textbook.
 
-    python -m benchmarks.estimator [--json FILE] [--hops N] [--seed S] [--processes P]
+    python -m benchmarks.estimator [--json FILE] [--count N] [--seed S] [--processes P]
 
 N broad hops and N/4 nominal ones (benchmarks/hop_cases.py says how they are drawn). `..._nominal` figures are of the
 nominal hops, all others of the broad ones. Wrong and unflagged: a `valid` hop whose time of flight or energy is off
@@ -154,11 +154,13 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--json", type=Path, help="write the figures to this file")
-    parser.add_argument("--hops", type=int, default=5000, help="broad hops (default 5000)")
+    parser.add_argument(
+        "--count", type=int, default=5000, help="broad hops (default 5000); a quarter as many nominal ones"
+    )
     parser.add_argument("--seed", type=int, default=20260, help="seed of all draws")
-    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--processes", type=int, default=1)
     options = parser.parse_args()
-    outcomes = measure(options.hops, options.seed, options.processes)
+    outcomes = measure(options.count, options.seed, options.processes)
     print_report(outcomes)
     if options.json:
         entries = {}

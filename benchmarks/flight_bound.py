@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.hop_cases import SimulatedHop
-from flight.edge_fit import E, Edge, fit_edge
+from flight.edge_fit import Edge, fit_edges
+from flight.edge_model import E
 from flight.flight_time import FlightFit
 from flight.heartbeat import Heartbeat
 
@@ -31,6 +32,6 @@ def flight_bound_s(hop: SimulatedHop, fit: FlightFit) -> float:
     def variance(edge: Edge) -> float:
         at = np.searchsorted(hop.times_s, edge.data.times_s - 1e-9)
         data = replace(edge.data, motion_m_s2=motion[at], noise_m_s2=noise / rig.sensor_gain)
-        return float(fit_edge(data, edge.parameters, Heartbeat()).covariance[E.TIME, E.TIME])
+        return float(fit_edges(data, edge.parameters[None], Heartbeat())[0].covariance[E.TIME, E.TIME])
 
     return math.sqrt(variance(fit.take_off) + variance(fit.touchdown))

@@ -50,6 +50,7 @@ HIDDEN: Mapping[str, Mapping[str, tuple[float, float]]] = {
 }
 
 _OF_AIR = ("aerodynamic_drag_quadratic", "aerodynamic_drag_linear", "buoyancy")
+_OF_SOIL = ("soil_rate_dependence", "soil_hardening")
 
 
 @dataclass(frozen=True)
@@ -145,15 +146,14 @@ def draw_case(rng: np.random.Generator, nominal: bool) -> HopCase:
         0.02,
         float(rng.uniform(-0.03, 0.03)),
         float(rng.choice((16.0, 32.0))),
-        _hidden(rng, body),
+        _hidden(rng, body, surface),
     )
 
 
-def _hidden(rng: np.random.Generator, body: str) -> tuple[str, ...]:
-    """Effects that are there; those of the air only where there is some."""
-    known = sorted(
-        name for name in HIDDEN if name in catalogue() and (name not in _OF_AIR or "earth" in body)
-    )
+def _hidden(rng: np.random.Generator, body: str, surface: str) -> tuple[str, ...]:
+    """Effects that are there; those of the air and of soil only where there is some."""
+    absent = (() if "earth" in body else _OF_AIR) + (_OF_SOIL if surface == "steel" else ())
+    known = sorted(name for name in HIDDEN if name in catalogue() and name not in absent)
     count = int(rng.choice((0, 1, 2), p=(0.4, 0.4, 0.2)))
     return tuple(sorted(str(name) for name in rng.choice(known, count, replace=False)))
 

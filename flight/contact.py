@@ -33,13 +33,15 @@ class Ground:
     soft_1_s2: Array
     leaving: bool
 
-    def push_m_s2(self, depth_m: Array, deepest_m: Array) -> Array:
-        """Force over leg mass at a depth (n,); none where the foot is above the ground."""
-        between = (self.stiff_1_s2 - self.soft_1_s2) * deepest_m
+    def line(self) -> tuple[Array, Array, Array]:
+        """Force over leg mass is slope * depth less taken * deepest - borne: slope, taken, borne (n,).
+
+        Where the foot comes back, ground takes nothing off before it bears more than it did: there never below zero.
+        """
+        between = self.stiff_1_s2 - self.soft_1_s2
         if self.leaving:
-            return np.maximum(between + self.soft_1_s2 * depth_m, 0.0)
-        given = np.maximum(between - self.yield_m_s2 * (1.0 - self.soft_1_s2 / self.stiff_1_s2), 0.0)
-        return np.maximum(self.stiff_1_s2 * depth_m - given, 0.0)
+            return self.soft_1_s2, -between, np.zeros_like(between)
+        return self.stiff_1_s2, between, self.yield_m_s2 * between / self.stiff_1_s2
 
 
 def felt_by_body(
@@ -52,27 +54,36 @@ def felt_by_body(
 ) -> Array:
     """Extra acceleration of the body (steps, n) [m/s^2] at multiples of `step_s` into the contact.
 
-    `free_depth_m` (steps, n): how deep the foot would be without ground. `damping_1_s` is 2 lambda, negative where
-    the steps run backwards in time. Spring and centre of mass move exactly between the steps; at each step
-    the ground's push gives its impulse.
+    `free_depth_m` (steps, n): how deep the foot would be without ground. `stiffness_1_s2` is omega_0^2, `damping_1_s`
+    2 lambda, negative where the steps run backwards in time. Spring and centre of mass move exactly between the
+    steps; at each step the ground's push gives its impulse.
     """
     steps, columns = free_depth_m.shape
-    move = _free_step(step_s, stiffness_1_s2, damping_1_s)
-    impulse = step_s * np.array((0.0, 1.0, 0.0, leg_share))[:, None]
-    # State: extra delta, its rate, extra height of the centre of mass, its rate; foot = com + (m_b/M) delta.
-    foot = np.array((1.0 - leg_share, 0.0, 1.0, 0.0))
-    state = np.zeros((4, columns))
-    states, pushes = np.zeros((steps, 2, columns)), np.zeros((steps, columns))
+    # State: extra delta, its rate, extra height of the centre of mass, its rate; then that of the foot, which is
+    # com + (m_b/M) delta.
+    of_foot = np.array((1.0 - leg_share, 0.0, 1.0, 0.0))
+    move = np.zeros((5, 5))
+    move[:4, :4] = _free_step(step_s, stiffness_1_s2, damping_1_s)
+    move[4] = of_foot @ move[:4]
+    impulse = move[:4, :4] @ (step_s * np.array((0.0, 1.0, 0.0, leg_share)))
+    kick = np.append(impulse, of_foot @ impulse)[:, None]
+    states, pushes = np.zeros((steps + 1, 5, columns)), np.zeros((steps, columns))
+    slope, taken, borne = ground.line()
+    remembers, least = bool(taken.any()), -np.inf if ground.leaving else 0.0
     deepest = np.maximum(free_depth_m[0], 0.0)
     for index in range(steps):
-        depth = free_depth_m[index] - foot @ state
-        np.maximum(deepest, depth, out=deepest)
-        push = ground.push_m_s2(depth, deepest)
-        states[index], pushes[index] = state[:2], push
-        state = move @ (state + impulse * push)
+        push, after = pushes[index], states[index + 1]
+        depth = free_depth_m[index] - states[index, 4]
+        np.multiply(slope, depth, out=push)
+        if remembers:
+            np.maximum(deepest, depth, out=deepest)
+            push -= np.maximum(taken * deepest - borne, least)
+        np.maximum(push, 0.0, out=push)
+        np.matmul(move, states[index], out=after)
+        after += kick * push
     # Halfway through the impulse.
-    rate = states[:, 1] + 0.5 * step_s * pushes
-    return np.asarray(leg_share * (stiffness_1_s2 * states[:, 0] + damping_1_s * rate), dtype=np.float64)
+    rate = states[:-1, 1] + 0.5 * step_s * pushes
+    return np.asarray(leg_share * (stiffness_1_s2 * states[:-1, 0] + damping_1_s * rate), dtype=np.float64)
 
 
 def _free_step(step_s: float, stiffness_1_s2: float, damping_1_s: float) -> Array:

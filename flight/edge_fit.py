@@ -2,55 +2,28 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass
-from enum import IntEnum
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.contact import Ground, felt_by_body
+from flight.edge_model import GROUND, E, EdgeData, added_by_ground, model
 from flight.heartbeat import Heartbeat
-from flight.ringing import Ringing, TwoMass
+from flight.ringing import Ringing
 
 Array = NDArray[np.float64]
 
-TAKE_OFF, TOUCHDOWN = -1.0, 1.0  # into the contact, time runs this way
-_MAX_STEPS = 20
-_SOFT_STEP_S, _HARD_STEP_S = 1e-4, 5e-5  # of the contact: a fifth of a radian of its oscillation
+_MAX_STEPS = 25
+_ENOUGH = 0.02  # of the cost: a step that gains less ends the fit
+_GIVE_UP_DAMPING = 1e3
+_HOPELESS = (2, 50.0)  # after so many steps, a fit so much worse than the best is left alone
+_MOST_MOVE_S = 2e-3  # of an edge, in one step
+_SAME_S = 3e-5  # so close, two fits are one
+_SOIL_LOG = 14.2  # of stiffness over leg mass [1/s^2]: soils stay below
 _ROUGH = (0.1, 0.03)  # share of what soft and hard ground adds that a start may miss
-_APART_S = 4e-4  # of two starts
-
-
-class E(IntEnum):
-    """Parameters of an edge: its time, logs of the ground's figures, error of the foot's speed; then the ringing."""
-
-    TIME, STIFF, SPEED, YIELD, SOFT, OMEGA, DECAY, COSINE, SINE, OFFSET, FRICTION = range(11)
-
-
-_GROUND = (E.TIME, E.STIFF, E.SPEED, E.YIELD, E.SOFT)
-_STEP = np.array((1e-6, 1e-4, 1e-5, 1e-4, 1e-4))
-
-
-@dataclass(frozen=True)
-class EdgeData:
-    """Samples around an edge and what is known of the motion there.
-
-    times_s, motion_m_s2 (n,): the body's specific force along the leg. `way`: TAKE_OFF or TOUCHDOWN. `hard` ground
-    gives nothing away. `speed_m_s`: of the centre of mass at `speed_at_s`.
-    `prior_mean`, `prior_std` (11,) in the order of `E`.
-    """
-
-    times_s: Array
-    motion_m_s2: Array
-    noise_m_s2: float
-    way: float
-    hard: bool
-    robot: TwoMass
-    speed_m_s: float
-    speed_at_s: float
-    prior_mean: Array
-    prior_std: Array
 
 
 @dataclass(frozen=True)
@@ -62,7 +35,6 @@ class Edge:
     covariance: Array
     residuals: Array
     cost: float
-    converged: bool
 
     @property
     def time_s(self) -> float:
@@ -70,7 +42,18 @@ class Edge:
 
     @property
     def ringing(self) -> Ringing:
-        return ringing_of(self.parameters, self.data)
+        return self.data.ringing_of(self.parameters)
+
+    @property
+    def is_soil(self) -> bool:
+        """Whether the ground is too soft for steel, by two sigma."""
+        stiff = float(self.parameters[E.STIFF]) + 2.0 * math.sqrt(self.covariance[E.STIFF, E.STIFF])
+        return stiff < _SOIL_LOG
+
+    @property
+    def evidence(self) -> float:
+        """Twice the negative logarithm of how likely the samples are, but for a constant: with the peak's volume."""
+        return self.cost - float(np.linalg.slogdet(self.covariance)[1])
 
     @property
     def foot_speed_m_s(self) -> float:
@@ -90,138 +73,110 @@ class Edge:
         )  # type: ignore[return-value]
 
 
-def ringing_of(p: Array, data: EdgeData) -> Ringing:
-    """The free ringing of a parameter vector; its reference is where the edge was first put."""
-    return Ringing(
-        float(data.prior_mean[E.TIME]), *(float(p[i]) for i in (E.OMEGA, E.DECAY, E.COSINE, E.SINE))
-    )
-
-
-def fit_edge(data: EdgeData, start: Array, heartbeat: Heartbeat) -> Edge:
-    """Levenberg-Marquardt from `start` (11,). Raises `ValueError` where the fit leads nowhere."""
+def fit_edges(data: EdgeData, starts: Array, heartbeat: Heartbeat) -> list[Edge]:
+    """Levenberg-Marquardt from all `starts` (s, 11) at once; those that lead nowhere are left out."""
     weight = 1.0 / data.prior_std
-    point = start.copy()
-    left, jacobian = _model(data, point)
-    cost = _cost(left, (point - data.prior_mean) * weight)
-    if not math.isfinite(cost):
-        raise ValueError("the residuals at the start of the fit are not finite")
-    damping, converged = 1e-3, False
-    for _ in range(_MAX_STEPS):
-        heartbeat.beat()
-        normal = jacobian.T @ jacobian + np.diag(weight**2)
-        gradient = jacobian.T @ left - (point - data.prior_mean) * weight**2
-        scale = np.sqrt(np.diag(normal))
-        lifted = normal / np.outer(scale, scale) + damping * np.eye(point.size)
-        trial = point + np.linalg.solve(lifted, gradient / scale) / scale
-        with np.errstate(all="ignore"):  # a step too far is refused below
-            trial_left, trial_jacobian = _model(data, trial)
-            trial_cost = _cost(trial_left, (trial - data.prior_mean) * weight)
-        if math.isfinite(trial_cost) and trial_cost <= cost:
-            gain = cost - trial_cost
-            point, left, jacobian, cost = trial, trial_left, trial_jacobian, trial_cost
-            damping = max(damping * 0.1, 1e-9)
-            if gain < 0.01 + 1e-3 * cost:
-                converged = True
+    points = starts.copy()
+    damping, running = np.full(len(points), 1e-3), np.ones(len(points), dtype=np.bool_)
+    with np.errstate(all="ignore"):  # what overflows is refused
+        left, jacobian = model(data, points)
+        costs = _costs(data, left, jacobian, points)
+        running &= np.isfinite(costs)
+        for step in range(_MAX_STEPS):
+            if step >= _HOPELESS[0]:
+                running &= costs < np.nanmin(costs) + _HOPELESS[1]
+            now = np.flatnonzero(running)
+            if not now.size:
                 break
-        else:
-            damping *= 10.0
-            if damping > 1e8:
-                converged = True
-                break
-    normal = jacobian.T @ jacobian + np.diag(weight**2)
-    scale = np.sqrt(np.diag(normal))
-    covariance = np.linalg.inv(normal / np.outer(scale, scale)) / np.outer(scale, scale)
-    return Edge(data, point, covariance, left, cost, converged)
+            heartbeat.beat()
+            trial = points[now] + _moves(data, points[now], left[now], jacobian[now], damping[now])
+            trial_left, trial_jacobian = model(data, trial)
+            trial_costs = _costs(data, trial_left, trial_jacobian, trial)
+            gains = costs[now] - trial_costs
+            good = gains >= 0.0
+            better = now[good]
+            points[better], left[better], jacobian[better] = (
+                trial[good],
+                trial_left[good],
+                trial_jacobian[good],
+            )
+            costs[better] = trial_costs[good]
+            damping[now] *= np.where(good, 0.1, 10.0)
+            running[now] = np.where(good, gains > _ENOUGH, damping[now] < _GIVE_UP_DAMPING)
+    kept = np.flatnonzero(np.isfinite(costs))
+    normal = jacobian[kept].swapaxes(1, 2) @ jacobian[kept] + np.diag(weight**2)
+    scale = np.sqrt(np.einsum("sii->si", normal))
+    square = scale[:, :, None] * scale[:, None, :]
+    covariance = np.linalg.inv(normal / square) / square
+    return [
+        Edge(data, points[index], covariance[row], left[index], float(costs[index]))
+        for row, index in enumerate(kept.tolist())
+    ]
 
 
-def _cost(left: Array, off: Array) -> float:
-    return float(left @ left + off @ off)
-
-
-def _model(data: EdgeData, p: Array) -> tuple[Array, Array]:
-    """Residuals (n,) in noise sigmas, and the model's Jacobian (n, 11) in the same unit."""
-    ringing = ringing_of(p, data)
-    tau = data.times_s - ringing.reference_s
-    fade = np.exp(-ringing.decay_1_s * tau)
-    cosine, sine = fade * np.cos(ringing.omega_rad_s * tau), fade * np.sin(ringing.omega_rad_s * tau)
-    wave = p[E.COSINE] * cosine + p[E.SINE] * sine
-    jacobian = np.zeros((tau.size, len(E)))
-    jacobian[:, E.OMEGA] = tau * (p[E.SINE] * cosine - p[E.COSINE] * sine)
-    jacobian[:, E.DECAY] = -tau * wave
-    jacobian[:, E.COSINE], jacobian[:, E.SINE], jacobian[:, E.OFFSET] = cosine, sine, 1.0
-    rubbed = ringing.half_turns(data.times_s, float(p[E.TIME]))
-    jacobian[:, E.FRICTION] = rubbed
-    into = data.way * (data.times_s - p[E.TIME])
-    touched = into > -2e-6
-    extra = _contact(data, p, ringing, data.times_s[touched])
-    predicted = wave + p[E.OFFSET] + p[E.FRICTION] * rubbed
-    predicted[touched] += extra[:, 0]
-    jacobian[np.ix_(touched, _GROUND)] = (extra[:, 1:] - extra[:, :1]) / _STEP
-    return (data.motion_m_s2 - predicted) / data.noise_m_s2, jacobian / data.noise_m_s2
-
-
-def _contact(data: EdgeData, p: Array, ringing: Ringing, times_s: Array) -> Array:
-    """What the ground adds at times (m,): columns (m, 6) for the parameters, and each ground parameter moved."""
-    moved = np.repeat(p[None, list(_GROUND)], 6, axis=0)
-    moved[1:] += np.diag(_STEP)
-    return _added(data, ringing, moved, times_s)
-
-
-def _added(data: EdgeData, ringing: Ringing, grounds: Array, times_s: Array) -> Array:
-    """What each ground (n, 5), parameters as in `_GROUND`, adds to the body's acceleration at times (m,): (m, n)."""
-    into = data.way * (times_s[:, None] - grounds[:, 0])
-    if times_s.size == 0 or float(into.max()) <= 0.0:
-        return np.zeros(into.shape)
-    step_s = _HARD_STEP_S if data.hard else _SOFT_STEP_S
-    tau: Array = np.arange(math.ceil(float(into.max()) / step_s) + 1) * np.float64(step_s)
-    stiff = np.exp(grounds[:, E.STIFF])
-    soft = stiff if data.hard else np.minimum(np.exp(grounds[:, E.SOFT]), stiff)
-    ground = Ground(stiff, np.exp(grounds[:, E.YIELD]), soft, data.way == TAKE_OFF)
-    depth = _free_depth(data, ringing, tau, grounds[:, 0]) + grounds[:, E.SPEED] * tau[:, None]
-    damping = 2.0 * data.way * ringing.decay_1_s
-    felt = felt_by_body(depth, step_s, ground, data.robot.leg_share, ringing.stiffness_1_s2, damping)
-    return np.column_stack([np.interp(into[:, i], tau, felt[:, i], left=0.0) for i in range(len(grounds))])
-
-
-def starts(
-    data: EdgeData, edges_s: Array, stiff_logs: tuple[float, ...], speeds: tuple[float, ...], most: int
-) -> list[Array]:
-    """The most promising starts (11,) for the fit: all edges, stiffnesses and foot speeds (in sigmas) are tried."""
-    p = data.prior_mean
-    grid = np.array(
-        [(e, k, v * data.prior_std[E.SPEED]) for e in edges_s for k in stiff_logs for v in speeds]
+def _moves(data: EdgeData, points: Array, left: Array, jacobian: Array, damping: Array) -> Array:
+    """Damped steps (s, 11), each parameter in its own scale."""
+    square_weight = data.prior_std**-2.0
+    normal = jacobian.swapaxes(1, 2) @ jacobian + np.diag(square_weight)
+    gradient = np.einsum("snp,sn->sp", jacobian, left) - (points - data.prior_mean) * square_weight
+    scale = np.sqrt(np.einsum("sii->si", normal))
+    lifted = normal / (scale[:, :, None] * scale[:, None, :]) + damping[:, None, None] * np.eye(
+        scale.shape[1]
     )
-    grounds = np.column_stack((grid, np.tile(p[[E.YIELD, E.SOFT]], (len(grid), 1))))
-    ringing = ringing_of(p, data)
+    return np.asarray(
+        np.linalg.solve(lifted, (gradient / scale)[..., None])[..., 0] / scale, dtype=np.float64
+    )
+
+
+def _costs(data: EdgeData, left: Array, jacobian: Array, points: Array) -> Array:
+    """Costs (s,); infinite where a model has no finite value."""
+    off = (points - data.prior_mean) / data.prior_std
+    costs = np.sum(left**2, axis=1) + np.sum(off**2, axis=1) + 0.0 * np.sum(jacobian, axis=(1, 2))
+    return np.where(np.isfinite(costs), costs, np.inf)
+
+
+def starts(data: EdgeData, tried: Mapping[E, Sequence[float]], most: int, apart_s: float) -> Array:
+    """The most promising starts (s, 11): all combinations of what is `tried` for parameters of the ground."""
+    p = data.prior_mean
+    ringing = data.ringing_of(p)
+    grid = np.array(list(itertools.product(*(tried.get(name, (p[name],)) for name in GROUND))))
+    edges_s = grid[:, E.TIME]
     outer = data.way * (data.times_s - (edges_s.min() if data.way > 0.0 else edges_s.max())) > -1e-3
     times = data.times_s[outer]
     left = data.motion_m_s2[outer] - ringing.acceleration_m_s2(times) - p[E.OFFSET]
     left = left - p[E.FRICTION] * ringing.half_turns(times, float(p[E.TIME]))
     rough = _ROUGH[data.hard]
     with np.errstate(all="ignore"):
-        added = _added(data, ringing, grounds, times)
+        added = added_by_ground(data, p[None], grid[None], times)[:, 0]
         misses = (left[:, None] - added) ** 2 / (
             data.noise_m_s2**2 + (rough * added) ** 2 + (rough * left[:, None]) ** 2
         )
     order = np.argsort(np.nan_to_num(misses.sum(axis=0), nan=np.inf))
     found: list[Array] = []
-    for index in order.tolist():
-        start = p.copy()
-        start[list(_GROUND)] = grounds[index]
-        if all(abs(start[E.TIME] - other[E.TIME]) > _APART_S for other in found):
-            found.append(start)
+    for ground in grid[order]:
+        if all(abs(ground[E.TIME] - other[E.TIME]) > apart_s for other in found):
+            found.append(np.concatenate((ground, p[len(ground) :])))
         if len(found) == most:
             break
-    return found
+    return np.array(found)
 
 
-def _free_depth(data: EdgeData, ringing: Ringing, tau: Array, edge_s: Array) -> Array:
-    """How deep below the edge's height the foot would be on its free path (steps, n)."""
-    robot = data.robot
-    body_share = 1.0 - robot.leg_share
-    speed = data.speed_m_s - robot.gravity_m_s2 * (edge_s - data.speed_at_s)
-    rise = data.way * speed * tau[:, None] - 0.5 * robot.gravity_m_s2 * tau[:, None] ** 2
-    pole = ringing.pole
-    delta = np.array([ringing.phasor(float(t)) for t in edge_s]) / (-robot.leg_share * pole**2)
-    turned = np.exp(pole * data.way * tau)[:, None] - 1.0
-    return np.asarray(-(rise + body_share * (delta * turned).real), dtype=np.float64)
+def mixed(edges: Sequence[Edge], costs: Sequence[float], temper: float) -> Edge:
+    """The best of several fits, its variance widened by the others as far as they are as likely.
+
+    `temper`: by which costs count less, as the models are not all of the truth.
+    """
+    order = np.argsort(costs, kind="stable").tolist()
+    best: Edge = edges[order[0]]
+    seen_s: list[float] = []
+    weights: list[float] = []
+    squares: list[float] = []
+    for index in order:  # fits that ended at one place count once
+        at_s = edges[index].time_s
+        if all(abs(at_s - other) > _SAME_S for other in seen_s):
+            seen_s.append(at_s)
+            weights.append(math.exp(-0.5 / temper * (costs[index] - costs[order[0]])))
+            squares.append((at_s - best.time_s) ** 2)
+    covariance = best.covariance.copy()
+    covariance[E.TIME, E.TIME] += float(np.dot(weights, squares)) / sum(weights)
+    return replace(best, covariance=covariance)

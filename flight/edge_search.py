@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.edge_fit import TAKE_OFF, TOUCHDOWN, E, Edge, EdgeData, fit_edge, starts
+from flight.edge_fit import Edge, fit_edges, mixed, starts
+from flight.edge_model import TAKE_OFF, TOUCHDOWN, E, EdgeData
 from flight.flight_search import Expectation, LocalRinging, NoFlight, Stretch, fit_ringing
 from flight.heartbeat import Heartbeat
 from flight.settings import GroundSettings
@@ -16,18 +18,19 @@ from flight.settings import GroundSettings
 Array = NDArray[np.float64]
 
 _LOCAL_PERIODS = 1.5  # of the ringing that is fitted next to an edge
-_CLEAR_S = 0.005  # the windows of the search may reach so far into the contact
+_CLEAR_S = {TAKE_OFF: 0.008, TOUCHDOWN: 0.005}  # the windows of the search may reach so far into the contact
 _STRANGE_SIGMAS = 6.0
+_PLAINLY_STRANGE = 10.0  # times what is strange: one such sample is enough
 # Stretch of contact that is modelled, beyond the strange sample: on soft and on hard ground; there the foot has
 # bounced before take-off.
 _INTO_S = {(False, False): 0.0035, (False, True): 0.001, (True, False): 0.0025, (True, True): 0.0015}
 # Edges that are tried, from the strange sample towards the flight: last one and their distance.
 _TRIED_S = {False: (7e-3, 3.5e-4), True: (1.5e-3, 2e-4)}
 _TRIED_ON_STEEL_S = 1.2e-4  # where the foot bounces, its last touch is a blow
+_BACKWARDS_M_S = 0.01  # of the foot at an edge: what its speed may be wrong by
 _STIFF_LOGS = (12.0, 13.2, 14.4)
-_GOOD_CHI = 1.5  # misfit in contact of a fit that needs no other start
 _SPEEDS = (-1.6, -0.8, 0.0, 0.8, 1.6)  # of the foot, in sigmas, that are tried where it has bounced
-_MOST_STARTS = (3, 4)  # on steel a foot that leaves has touched several times
+_MOST_STARTS, _APART_S = (12, 10), (3e-4, 2.2e-4)  # of the fits of one end, and how far apart they start
 _EDGE_STD_S = 4e-3  # how far the search may have missed the edge
 _SPEED_STD = (0.015, 0.01)  # of the foot: share of its own ringing, and [m/s]
 _HARD_LOG_STD = 0.25  # of the logarithm of a hard ground's stiffness
@@ -36,7 +39,6 @@ _SAME_GROUND_LOG_STD = 0.4  # of the ground's figures from take-off to touchdown
 _SAME_OMEGA, _SAME_DECAY_1_S = 2e-3, 0.3  # of the ringing: share of its frequency, and its decay
 _FRICTION_STD_M_S2 = 1.0
 _TEMPER = 3.0  # of several fits on one ground
-_SPARSE_S = 1.1e-3  # between samples: more than one fit may explain so few
 _LEVEL_STD_M_S2 = 0.05
 _NOT_SEEN = {TAKE_OFF: "the robot was not seen to leave the ground", TOUCHDOWN: "no impact after the flight"}
 
@@ -68,7 +70,7 @@ def look_at_end(scene: Scene, stretch: Stretch, way: float, omega_std: float) ->
     """Fit the ringing next to one end, and follow it outwards until it fails."""
     t, y, expected = scene.times_s, scene.motion_m_s2, scene.expected
     length = _LOCAL_PERIODS * 2.0 * math.pi / expected.omega_rad_s
-    clear = min(_CLEAR_S, 0.15 * (stretch.last_s - stretch.first_s))
+    clear = min(_CLEAR_S[way], 0.15 * (stretch.last_s - stretch.first_s))
     first, last = stretch.first_s + clear, stretch.last_s - clear
     first, last = (first, min(last, first + length)) if way == TAKE_OFF else (max(first, last - length), last)
     inner = (t >= first) & (t <= last)
@@ -85,8 +87,9 @@ def look_at_end(scene: Scene, stretch: Stretch, way: float, omega_std: float) ->
     )
     allowed = _STRANGE_SIGMAS * max(scene.noise_m_s2, local.rms_m_s2) + abs(local.friction_m_s2)
     outside = np.flatnonzero(t < first)[::-1] if way == TAKE_OFF else np.flatnonzero(t > last)
-    strange = np.abs(y[outside] - local.motion_m_s2(t[outside])) > allowed
-    twice = strange[:-1] & strange[1:]
+    excess = np.abs(y[outside] - local.motion_m_s2(t[outside])) / allowed
+    # One sample may be a glitch; but a strong one may be the last before the sensor clips.
+    twice = (excess[:-1] > 1.0) & ((excess[1:] > 1.0) | (excess[:-1] > _PLAINLY_STRANGE))
     if not twice.any():
         raise NoFlight(_NOT_SEEN[way])
     return EndOfFlight(way, local, (first, last), float(t[outside[int(np.argmax(twice))]]))
@@ -106,33 +109,24 @@ def best_edge(
     last_s, apart_s = _TRIED_S[touchdown]
     apart_s = _TRIED_ON_STEEL_S if bounced else apart_s
     step_s = float(np.median(np.diff(scene.times_s)))
-    tried = end.strange_s - end.way * np.arange(-2e-4, last_s + 1.2 * step_s, apart_s)
-    known = float(data.prior_mean[E.STIFF])
-    logs = (known,) if bounced else (known - 0.4, known, known + 0.4) if hard or other else _STIFF_LOGS
-    good = _GOOD_CHI if hard is touchdown or step_s < _SPARSE_S else 0.0  # last touches on steel look alike
-    edges: list[Edge] = []
-    speeds = _SPEEDS if bounced else (0.0,)
-    for start in starts(data, tried, logs, speeds, _MOST_STARTS[bounced]):
-        try:
-            edges.append(fit_edge(data, start, scene.heartbeat))
-        except (ValueError, np.linalg.LinAlgError):  # this start leads nowhere; another may
-            continue
-        if edges[-1].misfits()[1] < good:
-            break
-    return mixed(edges, [edge.cost for edge in edges], _TEMPER) if edges else None
-
-
-def mixed(edges: list[Edge], costs: list[float], temper: float) -> Edge:
-    """The best of several fits, its variance widened by the others as far as they are as likely.
-
-    `temper`: by which costs count less, as the models are not all of the truth.
-    """
-    best = edges[int(np.argmin(costs))]
-    weights = np.exp(-0.5 / temper * (np.array(costs) - min(costs)))
-    squares = (np.array([edge.time_s for edge in edges]) - best.time_s) ** 2
-    covariance = best.covariance.copy()
-    covariance[E.TIME, E.TIME] += float(weights @ squares) / float(weights.sum())
-    return replace(best, covariance=covariance)
+    known = data.prior_mean
+    tried: dict[E, Sequence[float]] = {
+        E.TIME: (end.strange_s - end.way * np.arange(-2e-4, last_s + 1.2 * step_s, apart_s)).tolist(),
+        E.STIFF: _STIFF_LOGS,
+    }
+    if bounced:
+        tried[E.STIFF] = (known[E.STIFF],)
+        tried[E.SPEED] = [sigmas * data.prior_std[E.SPEED] for sigmas in _SPEEDS]
+    elif hard or other:
+        tried[E.STIFF] = [known[E.STIFF] + more for more in (-0.4, 0.0, 0.4)]
+    if touchdown and not hard:
+        tried[E.YIELD] = [known[E.YIELD] + more for more in (0.0, 0.6)]
+        tried[E.SOFT] = [known[E.SOFT] + more for more in (-0.7, 0.7)]
+    begins = starts(data, tried, _MOST_STARTS[bounced], _APART_S[bounced])
+    edges = fit_edges(data, begins, scene.heartbeat)
+    # A foot that goes down does not leave the ground, nor does one that rises meet it.
+    edges = [edge for edge in edges if edge.foot_speed_m_s > -_BACKWARDS_M_S] or edges
+    return mixed(edges, [edge.evidence for edge in edges], _TEMPER) if edges else None
 
 
 def _edge_data(
@@ -181,6 +175,7 @@ def _edge_data(
         expected.robot,
         speed_m_s,
         speed_at_s,
+        other.ringing if other else local,
         table[:, 0],
         table[:, 1],
     )

@@ -16,6 +16,7 @@ from flight.push import NoPush, find_push
 from flight.record import HopRecord
 from flight.settings import FlightSettings
 from flight.uncertain import Uncertain
+from flight.weighing import weighed
 
 _STATIC_S = 0.2  # stretch before the fire command over which the compression is averaged
 _REJECTED_SIGMAS = 6.0  # by which the push and the time of flight may disagree
@@ -82,18 +83,21 @@ def _with_height(
     assert seen.compression_m is not None
     assert fit is not None
     gravity = measured_gravity(flight, settings, hop_index)
-    rig = replace(rig, gravity_m_s2=gravity)
+    rig = weighed(replace(rig, gravity_m_s2=gravity), fit, hop_index)
     try:
         push = find_push(record, fit, seen.compression_m.value)
     except NoPush as error:
         return replace(seen, flight=_rejected(flight, str(error)))
-    jump = jump_height(flight, fit, push, seen.compression_m, gravity, settings, hop_index)
+    share = energy.c1_expected(rig)
+    jump = jump_height(flight, fit, push, seen.compression_m, gravity, share, settings, hop_index)
     if abs(jump.disagreement_sigmas) > _REJECTED_SIGMAS:  # one of the two is wrong, and nobody knows which
         by = f"by {jump.disagreement_m_s:.3f} m/s"
         return replace(seen, flight=_rejected(flight, f"the push and the time of flight disagree {by}"))
     source = f"time_of_flight#{hop_index}"
     return replace(
         seen,
+        used_j=energy.used_energy(seen.compression_m, rig),
+        analysis_j=energy.analysis_energy(seen.compression_m, rig),
         flight=flight,
         time_of_flight_s=Uncertain.of(flight.time_of_flight_s, flight.time_of_flight_sigma_s, source),
         take_off_speed_m_s=jump.speed_m_s,

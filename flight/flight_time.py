@@ -14,14 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight.ballistics import FreeFall, Level, flight_level
-from flight.edge_fit import TAKE_OFF, TOUCHDOWN, E, Edge
-from flight.edge_search import EndOfFlight, Scene, best_edge, look_at_end, mixed
+from flight.edge_fit import Edge, mixed
+from flight.edge_model import TAKE_OFF, TOUCHDOWN, E
+from flight.edge_search import EndOfFlight, Scene, best_edge, look_at_end
 from flight.flight_search import Expectation, NoFlight, Stretch, find_flight
 from flight.heartbeat import Heartbeat, Stalled
 from flight.record import HopRecord
 from flight.ringing import TwoMass
 from flight.settings import FlightSettings
-from flight.spring_check import leg_share_seen
+from flight.spring_check import LegShare, leg_share_seen
 
 Array = NDArray[np.float64]
 
@@ -29,11 +30,13 @@ _REST_S = 0.5  # before the fire command, over which the sensor's rest is averag
 _MOST_NOISE = 10.0  # over the data sheet's, of a robot that stands still
 _GAP_STEPS = 8.0  # a gap this many samples long hides what happens in it
 _EDGE_S = 0.004  # around an edge, in which a gap counts
+_FRICTION_IN_LEVEL = 0.1
 _RUBBING_M_S2 = 0.02  # dry friction over the body's mass that is told
 _EXPLAINED_CHI = 1.5  # misfit in contact that needs no other ground
+_UNLIKE_CHI = 4.0  # misfit in contact of a ground that is not looked at further, if another explains more
 _GROUNDS_TEMPER = 10.0  # by which the costs of soft and hard ground count less
+_BOUNCING = 4.0  # as much more is left to the model where the foot bounces between two samples
 _GRAZE_M_S = 0.035  # speed of a foot that leaves hard ground hardly touching it: it may have left before
-_SOIL_LOG = 14.4  # log of stiffness over leg mass [1/s^2] beyond which steel is looked at too
 _DEGRADED_CHI = 3.0
 _REJECTED_CHI = 60.0
 _REJECTED_BIAS = 0.1  # share of gravity by which the flight may read other than the weight taken away
@@ -48,7 +51,7 @@ class FlightFit:
     take_off: Edge
     touchdown: Edge
     robot: TwoMass
-    leg_share_sigma: float
+    share: LegShare
     fall: FreeFall
     level: Level
     motion_m_s2: Array  # (n,) at the record's times: the body's specific force along the leg, bias taken off
@@ -154,7 +157,10 @@ class _Estimate:
         seen = leg_share_seen(self.record, take_off, self.settings, self.expected)
         robot = replace(self.expected.robot, leg_share=seen.share)
         level = self._level(stretch, take_off)
-        return self._fitted(scene, take_off, touchdown, robot, seen.sigma, level)
+        # Dry friction turns round with the spring: what is left of it in the mean looks like a level.
+        rubbing = _FRICTION_IN_LEVEL * max(abs(end.local.friction_m_s2) for end in (take_off, touchdown))
+        level = replace(level, sigma_m_s2=math.hypot(level.sigma_m_s2, rubbing))
+        return self._fitted(scene, take_off, touchdown, robot, seen, level)
 
     def _scene(self, stretch: Stretch) -> Scene:
         """What is fitted: samples at the end of the sensor's range tell nothing but that."""
@@ -198,7 +204,7 @@ class _Estimate:
         take_off: EndOfFlight,
         touchdown: EndOfFlight,
         robot: TwoMass,
-        share_sigma: float,
+        share: LegShare,
         level: Level,
     ) -> FlightTime:
         rig = self.settings.rig
@@ -215,9 +221,7 @@ class _Estimate:
         rise = (1.0 - robot.leg_share) * (hung[0] - hung[1])
         speed = fall.take_off_speed_m_s(begin, end - begin, rise)
         edges, hard = self._edges(scene, take_off, touchdown, speed, begin)
-        fit = FlightFit(
-            edges[0], edges[1], robot, share_sigma, fall, level, self.motion, self.gravity, self.noise
-        )
+        fit = FlightFit(edges[0], edges[1], robot, share, fall, level, self.motion, self.gravity, self.noise)
         return self._judge(fit, hard)
 
     def _edges(
@@ -228,18 +232,19 @@ class _Estimate:
         Where the other ground explains them nearly as well, the variances are those of both.
         """
         found: list[tuple[float, Edge, Edge, bool]] = []
+        best_chi = math.inf
         for hard in (False, True):
             left = best_edge(scene, take_off, hard, speed, at_s)
+            if left is None or left.misfits()[1] > max(_UNLIKE_CHI, 3.0 * best_chi):
+                continue
+            best_chi = min(best_chi, left.misfits()[1])
             back = best_edge(scene, touchdown, hard, speed, at_s, left)
-            if left is None or back is None:
+            if back is None:
                 continue
             # The hard ground's fits leave out what the foot did before its last touch.
             cost = left.cost / left.residuals.size + back.cost / back.residuals.size
             found.append((cost * 0.5 * (left.residuals.size + back.residuals.size), left, back, hard))
-            if (
-                max(left.misfits()[1], back.misfits()[1]) < _EXPLAINED_CHI
-                and left.parameters[E.STIFF] < _SOIL_LOG
-            ):
+            if max(left.misfits()[1], back.misfits()[1]) < _EXPLAINED_CHI and left.is_soil and back.is_soil:
                 break
         if not found:
             raise NoFlight("no contact model explains the ends of the flight")
@@ -257,12 +262,16 @@ class _Estimate:
         evaluation = self.settings.evaluation
         floors = (evaluation.take_off_error_s, evaluation.touchdown_error_s)
         sigmas = []
+        unseen_s = evaluation.sampling_error_1_s * float(np.median(np.diff(self.times))) ** 2
         for edge, floor_s in zip(edges, floors, strict=True):
             growth = max(1.0, *edge.misfits())  # a misfit says that the model misses something
             rubbing_s = evaluation.friction_error_s3_m * abs(float(edge.parameters[E.FRICTION]))
-            sigmas.append(math.hypot(growth * math.sqrt(edge.covariance[E.TIME, E.TIME]), floor_s, rubbing_s))
-        if fit.take_off.parameters[E.STIFF] > _SOIL_LOG and fit.take_off.foot_speed_m_s < _GRAZE_M_S:
-            sigmas[0] = math.hypot(sigmas[0], evaluation.graze_error_s)
+            sigmas.append(
+                math.hypot(growth * math.sqrt(edge.covariance[E.TIME, E.TIME]), floor_s, unseen_s, rubbing_s)
+            )
+        if not fit.take_off.is_soil:
+            grazing_s = evaluation.graze_error_s if fit.take_off.foot_speed_m_s < _GRAZE_M_S else 0.0
+            sigmas[0] = math.hypot(sigmas[0], grazing_s, _BOUNCING * unseen_s)
         sigmas[1] = math.hypot(sigmas[1], self.record.rate_sigma * (edges[1].time_s - edges[0].time_s))
         ends = [edge.ringing.compression(edge.time_s, fit.robot) for edge in edges]
         offset = fit.level.value_m_s2 * self.gain + self.static - self.gravity * self.gain

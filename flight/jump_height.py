@@ -46,6 +46,7 @@ def jump_height(
     push: Push,
     compression_m: Uncertain,
     gravity: Uncertain,
+    leg_share: Uncertain,
     settings: FlightSettings,
     hop_index: int,
 ) -> Jump:
@@ -56,7 +57,7 @@ def jump_height(
         fit.touchdown.time_s,
         gravity.value,
         fit.level.slope_m_s3,
-        fit.robot.leg_share,
+        leg_share.value,
         compression_m.value,
     )
     sources: Mapping[str, Uncertain] = {
@@ -64,11 +65,11 @@ def jump_height(
         "touchdown_s": Uncertain.of(at.touchdown_s, flight.touchdown_sigma_s, f"touchdown#{hop_index}"),
         "gravity_m_s2": gravity,
         "slope_m_s3": Uncertain.of(at.slope_m_s3, fit.level.slope_sigma_m_s3, f"flight_slope#{hop_index}"),
-        "leg_share": Uncertain.of(at.leg_share, fit.leg_share_sigma, "leg_share"),
+        "leg_share": leg_share,
         "held_m": compression_m,
     }
     by_flight = _through(lambda x: _speed(x, fit), at, sources)
-    body_lag = fit.robot.leg_share * flight.compression_rate_m_s[0]
+    body_lag = leg_share.value * flight.compression_rate_m_s[0]
     gained = push.gained_m_s
     sigma = math.hypot(push.first_m_s2 * push.opening_sigma_s, sensors.scale_std_share * gained)
     sigma = math.hypot(sigma, evaluation.push_error_share * gained)

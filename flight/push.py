@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flight.edge_model import E
 from flight.flight_time import FlightFit
 from flight.record import HopRecord
 from flight.ringing import Ringing
@@ -20,6 +21,7 @@ Array = NDArray[np.float64]
 
 _ONSET_S = 0.0025  # stretch after the opening over which the push falls as a cosine
 _ONSET_ERROR_S = 3e-5  # of the opening's time: what the cosine leaves out
+_JUMP_SHARE = 0.01  # of the jump at the opening: what else pulls on the body then, as the lock does
 _CANDIDATES = 31
 _SOFTEST_TO_FREE = (0.2, 1.05)  # square of the push's frequency over that of the free ringing
 
@@ -64,7 +66,11 @@ def find_push(record: HopRecord, fit: FlightFit, held_m: float) -> Push:
     inside = (times >= bracket[1]) & (times < end)
     if int(inside.sum()) < 3:
         raise NoPush("the push between the fire command and take-off is not covered by samples")
-    opening, sigma = _onset(times[inside], pushing[inside], bracket, jump, ringing)
+    rubbing = abs(float(fit.take_off.parameters[E.FRICTION]))
+    jump_share = math.hypot(_JUMP_SHARE, rubbing / jump)
+    opening, sigma = _onset(
+        times[inside], pushing[inside], bracket, jump, jump_share, ringing, fit.noise_m_s2
+    )
     last = float(np.interp(end, times, pushing))
     t = np.concatenate(([opening], times[inside], [end]))
     return Push(t, np.concatenate(([jump], pushing[inside], [last])), sigma)
@@ -111,7 +117,13 @@ def _merged(
 
 
 def _onset(
-    times: Array, pushing: Array, bracket: tuple[float, float], jump: float, ringing: Ringing
+    times: Array,
+    pushing: Array,
+    bracket: tuple[float, float],
+    jump: float,
+    jump_share: float,
+    ringing: Ringing,
+    noise_m_s2: float,
 ) -> tuple[float, float]:
     """When the lock opened: the push starts at the known jump and falls as jump cos(w tau).
 
@@ -126,9 +138,16 @@ def _onset(
     tau = (t - candidates[:, None])[:, None, :]
     phase = turns[:, None] * tau
     damped = (2.0 * ringing.decay_1_s / ringing.stiffness_1_s2) * turns[:, None]
-    errors = np.sum((seen - jump * (np.cos(phase) - damped * np.sin(phase))) ** 2, axis=2).min(axis=1)
+    shape = np.cos(phase) - damped * np.sin(phase)
+    # The cosine is flat where it starts: how early it did depends on the size of the jump, which is not quite known.
+    power, matched = jump**2 * np.sum(shape**2, axis=2), jump * np.sum(seen * shape, axis=2)
+    stiff = noise_m_s2**2 / jump_share**2
+    size = (matched + stiff) / (power + stiff)
+    errors = np.sum(seen**2) - 2.0 * size * matched + size**2 * power + stiff * (size - 1.0) ** 2
+    errors = errors.min(axis=1)
     best = int(np.argmin(errors))
-    likely = np.exp(-0.5 * (errors - errors[best]) / (errors[best] / max(t.size - 2, 1) + 1e-12))
+    variance = max(float(errors[best]) / max(t.size - 2, 1), noise_m_s2**2)
+    likely = np.exp(-0.5 * (errors - errors[best]) / variance)
     mean = float(likely @ candidates / likely.sum())
     spread = math.sqrt(float(likely @ (candidates - mean) ** 2 / likely.sum()))
     return mean, math.hypot(spread, _ONSET_ERROR_S)

@@ -52,6 +52,7 @@ class EvaluationSettings:
     push_error_share: Positive
     take_off_error_s: Positive
     touchdown_error_s: Positive
+    sampling_error_1_s: NotNegative
     friction_error_s3_m: NotNegative
     graze_error_s: NotNegative
     reference_repeatability: Share

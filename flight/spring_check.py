@@ -21,11 +21,11 @@ _BELIEVED_SIGMAS = 5.0
 
 @dataclass(frozen=True)
 class LegShare:
-    """m_l/M with its sigma; `seen` is False where the masses of the settings had to do."""
+    """m_l/M: the settings' masses weighed with what was measured, and that alone (sigma infinite for nothing)."""
 
     share: float
-    sigma: float
-    seen: bool
+    measured: float = math.nan
+    measured_sigma: float = math.inf
 
 
 def leg_share_seen(
@@ -34,7 +34,7 @@ def leg_share_seen(
     """The leg's share by the ringing next to one end of the flight, weighed against the configured masses."""
     share = expected.robot.leg_share
     prior_sigma = math.sqrt(2.0) * settings.rig.mass_std_share * share * (1.0 - share)
-    configured = LegShare(share, prior_sigma, False)
+    configured = LegShare(share)
     times = record.spring_times_s - record.fire_s
     inside = (times >= end.inner_s[0]) & (times <= end.inner_s[1])
     ringing = end.local.ringing
@@ -56,4 +56,4 @@ def leg_share_seen(
     if abs(measured - share) > _BELIEVED_SIGMAS * math.hypot(sigma, prior_sigma):
         return configured
     weight = prior_sigma**2 / (prior_sigma**2 + sigma**2)
-    return LegShare(share + weight * (measured - share), math.sqrt(weight) * sigma, True)
+    return LegShare(share + weight * (measured - share), measured, sigma)

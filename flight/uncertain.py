@@ -33,6 +33,10 @@ class Uncertain:
         """Standard uncertainty by these sources alone."""
         return math.sqrt(sum(self.parts.get(name, 0.0) ** 2 for name in sources))
 
+    def covariance(self, other: Uncertain) -> float:
+        """By the sources that both share."""
+        return sum(part * other.parts.get(name, 0.0) for name, part in self.parts.items())
+
     def with_part(self, source: str, sigma: float) -> Uncertain:
         """The same value with one more independent source."""
         return Uncertain(self.value, {**self.parts, source: math.hypot(sigma, self.parts.get(source, 0.0))})
@@ -96,3 +100,15 @@ def mean_of(values: Iterable[Uncertain]) -> Uncertain:
     for value in together:
         total = total + value
     return total / float(len(together))
+
+
+def learnt(values: Iterable[Uncertain], predicted: Uncertain, seen: Uncertain) -> tuple[Uncertain, ...]:
+    """Values after something that follows from them was measured: best linear estimate, correlations kept.
+
+    `predicted` is the measured quantity as the values give it, `seen` the measurement.
+    """
+    apart = seen - predicted
+    variance = apart.sigma**2
+    if variance == 0.0:
+        return tuple(values)
+    return tuple(value - apart * (value.covariance(apart) / variance) for value in values)
