@@ -23,6 +23,10 @@ else:
     HAVE_NUMBA = True
     numba: Any = _numba
 
+#: IEEE arithmetic; threads run freely; no counting of references, which would cost more than the arithmetic: compiled
+#: functions allocate nothing.
+_OPTIONS = {"error_model": "numpy", "nogil": True, "_nrt": False}
+
 _HERE = Path(__file__).resolve().parent
 
 
@@ -38,13 +42,13 @@ def _cache_folder() -> Path:
 
 
 def entry(function: Function) -> Function:
-    """Compile a function that Python calls to machine code, kept on disk; IEEE arithmetic, threads run freely."""
+    """Compile a function that Python calls to machine code, kept on disk."""
     if not HAVE_NUMBA:
         return function
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = before or str(_cache_folder())
     try:
-        return cast(Function, numba.njit(cache=True, error_model="numpy", nogil=True)(function))
+        return cast(Function, numba.njit(cache=True, **_OPTIONS)(function))
     finally:
         numba.config.CACHE_DIR = before
 
@@ -52,9 +56,7 @@ def entry(function: Function) -> Function:
 def _inner(**options: object) -> Callable[[Function], Function]:
     """For what Python never calls: no wrappers for that."""
     wrappers = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return cast(
-        Callable[[Function], Function], numba.njit(error_model="numpy", nogil=True, **wrappers, **options)
-    )
+    return cast(Callable[[Function], Function], numba.njit(**_OPTIONS, **wrappers, **options))
 
 
 def compiled(function: Function) -> Function:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from sim_hal.plant.engine.machine import (
     BACKWARD,
     FORCE_AT,
     FORWARD,
     NS,
     PER_FORCE,
+    SLOTS,
     VELOCITY,
     VELOCITY_OFFSET,
     M,
+    kept_at,
 )
 from sim_hal.plant.jit import compiled
 from sim_hal.plant.program import Floats, Ints
@@ -22,27 +22,28 @@ BAND_TOLERANCE = 1e-9
 
 
 @compiled
-def solve_small(a: Floats, b: Floats, n: int) -> bool:
-    """Solve a·x = b in place (x in b) by elimination with pivoting; False where a is singular."""
+def solve_small(w: Floats, first: int, n: int) -> bool:
+    """Solve a·x = b by elimination with pivoting, in place; False where a is singular.
+
+    Row `first` + i of w has row i of a and then b_i, which becomes x_i.
+    """
     for col in range(n):
         pivot = col
         for row in range(col + 1, n):
-            if abs(a[row, col]) > abs(a[pivot, col]):
+            if abs(w[first + row, col]) > abs(w[first + pivot, col]):
                 pivot = row
-        if a[pivot, col] == 0.0:
+        if w[first + pivot, col] == 0.0:
             return False
-        for k in range(n):
-            a[col, k], a[pivot, k] = a[pivot, k], a[col, k]
-        b[col], b[pivot] = b[pivot], b[col]
+        for k in range(col, n + 1):
+            w[first + col, k], w[first + pivot, k] = w[first + pivot, k], w[first + col, k]
         for row in range(col + 1, n):
-            factor = a[row, col] / a[col, col]
-            for k in range(col, n):
-                a[row, k] -= factor * a[col, k]
-            b[row] -= factor * b[col]
+            factor = w[first + row, col] / w[first + col, col]
+            for k in range(col, n + 1):
+                w[first + row, k] -= factor * w[first + col, k]
     for row in range(n - 1, -1, -1):
         for k in range(row + 1, n):
-            b[row] -= a[row, k] * b[k]
-        b[row] /= a[row, row]
+            w[first + row, n] -= w[first + row, k] * w[first + k, n]
+        w[first + row, n] /= w[first + row, row]
     return True
 
 
@@ -94,28 +95,38 @@ def only_state(tab: Ints, r: Floats, j: int) -> int:
 
 
 @compiled
+def grips(tab: Ints, r: Floats, mode: Ints, w: Floats) -> None:
+    """Set up, in the room for scratch, the equations of the forces that keep the stuck elements still.
+
+    The right sides are left at 0. Those of the others, and of a force without grip, are that it is 0.
+    """
+    first = kept_at(tab[NS], SLOTS)
+    for i in range(tab[M]):
+        held = mode[i] == 0 and grip(tab, r, i, i) != 0.0
+        for j in range(tab[M]):
+            both = held and mode[j] == 0
+            w[first + i, j] = grip(tab, r, i, j) if both else 1.0 if i == j else 0.0
+        w[first + i, tab[M]] = 0.0
+
+
+@compiled
 def hold(tab: Ints, r: Floats, mode: Ints, w: Floats, row: int) -> bool:
     """Find and apply the forces that keep the stuck elements still (0 where a force has no grip)."""
-    which = np.empty(tab[M], np.int64)
-    n = 0
+    grips(tab, r, mode, w)
+    first = kept_at(tab[NS], SLOTS)
+    for j in range(tab[M]):
+        if mode[j] == 0 and grip(tab, r, j, j) != 0.0:
+            w[first + j, tab[M]] = -slide_rate(tab, r, j, w, row)
+    if not solve_small(w, first, tab[M]):
+        return False
     for j in range(tab[M]):
         if mode[j] == 0:
-            r[tab[FORCE_AT] + j] = 0.0
-            if grip(tab, r, j, j) != 0.0:
-                which[n] = j
-                n += 1
-    a, b = np.empty((n, n)), np.empty(n)
-    for i in range(n):
-        b[i] = -slide_rate(tab, r, which[i], w, row)
-        for k in range(n):
-            a[i, k] = grip(tab, r, which[i], which[k])
-    if not solve_small(a, b, n):
-        return False
-    for i in range(n):
-        r[tab[FORCE_AT] + which[i]] = b[i]
-        add_force(tab, r, which[i], b[i], w, row)
-    for i in range(n):  # a held state's rate is exactly 0, where the sum of forces leaves a rounding error
-        only = only_state(tab, r, which[i])
+            r[tab[FORCE_AT] + j] = w[first + j, tab[M]]
+            add_force(tab, r, j, w[first + j, tab[M]], w, row)
+    for j in range(
+        tab[M]
+    ):  # a held state's rate is exactly 0, where the sum of forces leaves a rounding error
+        only = only_state(tab, r, j) if mode[j] == 0 and grip(tab, r, j, j) != 0.0 else -1
         if only >= 0:
             w[row, only] = 0.0
     return True

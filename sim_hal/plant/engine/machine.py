@@ -16,7 +16,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from sim_hal.plant.jit import entry
+from sim_hal.plant.jit import compiled, entry
 from sim_hal.plant.program import OPCODES, Floats, Ints, Layout
 
 OK, NOT_FINITE, STEP_VANISHED, TOO_MANY_STEPS, CHATTER, EMPTY_BAND, NO_GRIP = range(7)
@@ -57,17 +57,28 @@ WHOLE_STEP, HALF_STEP, NO_PROPAGATOR = _places(0, 1, 0)
 LONGEST = 40  # terms of a Taylor series
 KEPT = TERMS + LONGEST  # propagators in use, the last one made, step size of each
 SLOTS = 8
-JAC = KEPT + 1  # (ns, ns + 1) derivatives of the rates by the states and time; then the propagators
+JAC = (
+    KEPT + 1
+)  # (ns, ns + 1) derivatives of the rates by the states and time; then the propagators, then scratch
+
+
+@compiled
+def kept_at(ns: int, slot: int) -> int:
+    """First row of a kept propagator: its matrix, then the weights of F0 … F3 for a whole step and for half of it.
+
+    Behind the last slot, SLOTS, is room for what nobody keeps.
+    """
+    return int(JAC + ns * (1 + 9 * slot))
 
 
 def rows_of(layout: Layout) -> int:
-    """Rows of w; a propagator is its matrix and eight weights, each (ns, ns)."""
-    return int(JAC) + layout.ns * (1 + 9 * SLOTS)
+    """Rows of w: a propagator is nine matrices, (ns, ns) each; making one takes seven more and a row."""
+    return int(JAC) + layout.ns * (1 + 9 * SLOTS) + max(7 * layout.ns + 1, layout.m)
 
 
 def columns_of(layout: Layout) -> int:
     """Columns of w."""
-    return max(layout.ns + 1, layout.m + layout.q + layout.nw + layout.nf, SLOTS + 2)
+    return max(layout.ns + 1, layout.m + 1 + layout.q + layout.nw + layout.nf, SLOTS + 2)
 
 
 class Machine(NamedTuple):

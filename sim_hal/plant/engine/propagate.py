@@ -12,20 +12,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim_hal.plant.engine.machine import FORCE, JAC, KEPT, LONGEST, NS, SLOTS, TERMS
+from sim_hal.plant.engine.machine import FORCE, JAC, KEPT, LONGEST, NS, SLOTS, TERMS, kept_at
 from sim_hal.plant.jit import compiled
 from sim_hal.plant.program import Floats, Ints
 
 SERIES_REACH = 2.0
 """Size of hL up to which the series is taken."""
+ALIKE, ROUGHLY = 0.02, 0.5
+"""Shares up to which a propagator's matrix is as good as the present one, and up to which it may serve."""
 PHI_TERMS = 13
 PHI_REACH = 0.5
-
-
-@compiled
-def kept_at(ns: int, slot: int) -> int:
-    """First row of a kept propagator: its matrix, then the weights of F0 … F3 for a whole step and for half of it."""
-    return int(JAC + ns * (1 + 9 * slot))
 
 
 @compiled
@@ -88,134 +84,137 @@ def weigh(tab: Ints, w: Floats, place: int, first: int, count: int, to: int) -> 
 
 
 @compiled
-def same(w: Floats, n: int, matrix: int, h: float) -> bool:
-    """Whether a kept matrix serves for the derivatives: only loops of states bear upon how fast things go."""
+def same(w: Floats, n: int, matrix: int, h: float, share: float) -> bool:
+    """Whether a kept matrix is the derivatives' up to a share: only loops of states bear upon how fast things go."""
     fits = True
     for i in range(n):
-        fits = fits and abs(w[JAC + i, i] - w[matrix + i, i]) * h <= 0.02
+        fits = fits and abs(w[JAC + i, i] - w[matrix + i, i]) * h <= share
         for j in range(n):
             change = abs(w[JAC + i, j] - w[matrix + i, j])
-            fits = fits and change * max(abs(w[JAC + j, i]), abs(w[matrix + j, i])) * h * h <= 4e-4
+            fits = fits and change * max(abs(w[JAC + j, i]), abs(w[matrix + j, i])) * h * h <= share * share
     return fits
 
 
 @compiled
-def find(tab: Ints, w: Floats, h: float) -> int:
-    """First row of a kept propagator that serves for steps of size h (up to the rounding of times).
+def find(tab: Ints, w: Floats, h: float, share: float) -> int:
+    """First row of a kept propagator for steps of size h (up to the rounding of times), its matrix right to a share.
 
     It is made where there is none. Row KEPT has how many there are, the last one made, and their step sizes.
     """
     n = tab[NS]
+    slot = -1
     for back in range(int(w[KEPT, 0])):
-        slot = (int(w[KEPT, 1]) - back) % SLOTS
-        if abs(w[KEPT, 2 + slot] - h) <= 1e-10 * h and same(w, n, kept_at(n, slot), h):
-            return kept_at(n, slot)
-    slot = (int(w[KEPT, 1]) + 1) % SLOTS
-    w[KEPT, 0] = min(w[KEPT, 0] + 1.0, SLOTS)
-    w[KEPT, 1] = slot
-    w[KEPT, 2 + slot] = h
+        known = (int(w[KEPT, 1]) + SLOTS - back) % SLOTS
+        if abs(w[KEPT, 2 + known] - h) <= 1e-10 * h:
+            if same(w, n, kept_at(n, known), h, share):
+                return kept_at(n, known)
+            slot = known
+    if slot < 0:
+        slot = (int(w[KEPT, 1]) + 1) % SLOTS
+        w[KEPT, 0] = min(w[KEPT, 0] + 1.0, SLOTS)
+        w[KEPT, 1] = slot
+        w[KEPT, 2 + slot] = h
     fill(w, n, kept_at(n, slot), h)
     return kept_at(n, slot)
 
 
 @compiled
-def balance(a: Floats, scale: Floats) -> None:
-    """Make rows and columns of `a` alike in size by powers of 2, in place: a_ij · scale_j / scale_i (Osborne)."""
-    n = len(scale)
+def balance(w: Floats, n: int, a: int, scale: int) -> None:
+    """Make rows and columns of matrix `a` alike in size by powers of 2, a_ij · scale_j / scale_i (Osborne)."""
     for i in range(n):
-        scale[i] = 1.0
+        w[scale, i] = 1.0
     for _ in range(8):
         for i in range(n):
             row = column = 0.0
             for j in range(n):
                 if j != i:
-                    row += abs(a[i, j])
-                    column += abs(a[j, i])
+                    row += abs(w[a + i, j])
+                    column += abs(w[a + j, i])
             if row == 0.0 or column == 0.0:
                 continue
             factor = 2.0 ** np.floor(0.5 + 0.5 * np.log2(row / column))
-            scale[i] *= factor
+            w[scale, i] *= factor
             for j in range(n):
-                a[j, i] *= factor
+                w[a + j, i] *= factor
             for j in range(n):
-                a[i, j] /= factor
+                w[a + i, j] /= factor
 
 
 @compiled
-def multiply(a: Floats, b: Floats, out: Floats) -> None:
-    """out = a b."""
-    n = a.shape[0]
+def multiply(w: Floats, n: int, a: int, b: int, out: int) -> None:
+    """Product of the matrices at rows `a` and `b`, to row `out`."""
     for i in range(n):
         for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += a[i, k] * b[k, j]
-            out[i, j] = total
+            w[out + i, j] = 0.0
+        for k in range(n):
+            factor = w[a + i, k]
+            if factor != 0.0:
+                for j in range(n):
+                    w[out + i, j] += factor * w[b + k, j]
 
 
 @compiled
-def first_phis(z: Floats, phi: Floats, work: Floats) -> None:
-    """φ0 … φ4 of a small matrix: φ4 by its series, the others from it."""
-    n = z.shape[0]
+def first_phis(w: Floats, n: int, z: int, phi: int, work: int) -> None:
+    """φ0 … φ4, one after the other from row `phi` on, of a small matrix `z`: φ4 by its series, then the rest."""
+    last = phi + 4 * n
     factor = 1.0  # 1 / (PHI_TERMS + 4)!
     for k in range(2, PHI_TERMS + 5):
         factor /= k
     for i in range(n):
         for j in range(n):
-            phi[4, i, j] = factor if i == j else 0.0
+            w[last + i, j] = factor if i == j else 0.0
     for k in range(PHI_TERMS + 4, 4, -1):
         factor *= k
-        multiply(z, phi[4], work)
+        multiply(w, n, z, last, work)
         for i in range(n):
             for j in range(n):
-                phi[4, i, j] = work[i, j] + factor if i == j else work[i, j]
+                w[last + i, j] = w[work + i, j] + factor if i == j else w[work + i, j]
     for k in range(3, -1, -1):
-        multiply(z, phi[k + 1], phi[k])
+        multiply(w, n, z, phi + (k + 1) * n, phi + k * n)
         factor *= k + 1
         for i in range(n):
-            phi[k, i, i] += factor
+            w[phi + k * n + i, i] += factor
 
 
 @compiled
-def double(phi: Floats, work: Floats) -> None:
-    """φ0 … φ4 of twice the matrix."""
-    n = work.shape[0]
+def double(w: Floats, n: int, phi: int, work: int) -> None:
+    """φ0 … φ4 of twice the matrix, in their place."""
     for k in range(4, -1, -1):
-        multiply(phi[0], phi[k], work)
+        multiply(w, n, phi, phi + k * n, work)
         factor = 1.0
         for j in range(k, 0, -1):
             factor /= max(k - j, 1)
             for i in range(n):
                 for c in range(n):
-                    work[i, c] += factor * phi[j, i, c]
+                    w[work + i, c] += factor * w[phi + j * n + i, c]
         for i in range(n):
             for c in range(n):
-                phi[k, i, c] = work[i, c] * 0.5**k
+                w[phi + k * n + i, c] = w[work + i, c] * 0.5**k
 
 
 @compiled
 def fill(w: Floats, n: int, place: int, h: float) -> None:
     """Make a propagator of the present derivatives for steps of size h."""
-    z, scale, work = np.empty((n, n)), np.empty(n), np.empty((n, n))
+    z = kept_at(n, SLOTS)
+    work, phi, scale = z + n, z + 2 * n, z + 7 * n
     for i in range(n):
         for j in range(n):
             w[place + i, j] = w[JAC + i, j]
-            z[i, j] = h * w[JAC + i, j]
-    balance(z, scale)
+            w[z + i, j] = h * w[JAC + i, j]
+    balance(w, n, z, scale)
     size = 0.0
     for i in range(n):
         row = 0.0
         for j in range(n):
-            row += abs(z[i, j])
+            row += abs(w[z + i, j])
         size = max(size, row)
     doublings = 1
     while size > PHI_REACH * 2.0**doublings and doublings < 60:
         doublings += 1
     for i in range(n):
         for j in range(n):
-            z[i, j] *= 0.5**doublings
-    phi = np.empty((5, n, n))
-    first_phis(z, phi, work)
+            w[z + i, j] *= 0.5**doublings
+    first_phis(w, n, z, phi, work)
     for level in range(doublings + 1):
         left = doublings - level  # k! h φ_{k+1} θ^k, scaled back: for half a step and for all of it
         if left <= 1:
@@ -224,7 +223,7 @@ def fill(w: Floats, n: int, place: int, h: float) -> None:
                 for i in range(n):
                     for j in range(n):
                         at = place + n * (1 + 4 * left + k) + i
-                        w[at, j] = factor * phi[k + 1, i, j] * scale[i] / scale[j]
+                        w[at, j] = factor * w[phi + (k + 1) * n + i, j] * w[scale, i] / w[scale, j]
                 factor *= (k + 1) * 0.5**left
         if left > 0:
-            double(phi, work)
+            double(w, n, phi, work)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim_hal.plant.engine.friction import add_force, grip, hold, only_state, solve_small
+from sim_hal.plant.engine.friction import add_force, grip, grips, hold, only_state, solve_small
 from sim_hal.plant.engine.machine import (
     BACKWARD,
     BACKWARD_SLOPE,
@@ -24,6 +24,7 @@ from sim_hal.plant.engine.machine import (
     RATES,
     SEGMENT,
     SLOPE,
+    SLOTS,
     START_VALUE,
     STATE_AT,
     TIME_AT,
@@ -31,6 +32,7 @@ from sim_hal.plant.engine.machine import (
     WEIGHT,
     M,
     execute,
+    kept_at,
 )
 from sim_hal.plant.jit import compiled
 from sim_hal.plant.program import Floats, Ints
@@ -73,10 +75,10 @@ def jacobian_at(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats) -> None
         for c in range(columns):
             known = r[tab[tab[JACOBIAN] + s * columns + c]]
             w[JAC + s, c] = known if w[WEIGHT, s] != 0.0 else 0.0
-    stuck = 0
+    stuck = False
     for j in range(tab[M]):
         if mode[j] == 0:
-            stuck += 1
+            stuck = True
         elif mode[j] != OFF:
             slope = tab[FORWARD_SLOPE if mode[j] > 0 else BACKWARD_SLOPE] + j * columns
             for s in range(tab[NS]):
@@ -84,8 +86,9 @@ def jacobian_at(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats) -> None
                 if per_force != 0.0:
                     for c in range(columns):
                         w[JAC + s, c] += per_force * r[tab[slope + c]]
-    if stuck > 0:
-        hold_still(tab, r, mode, w, stuck)
+    if stuck:
+        for c in range(columns):
+            hold_still(tab, r, mode, w, c)
     for s in range(tab[NS]):
         for c in range(columns):
             if not np.isfinite(w[JAC + s, c]):
@@ -93,30 +96,21 @@ def jacobian_at(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats) -> None
 
 
 @compiled
-def hold_still(tab: Ints, r: Floats, mode: Ints, w: Floats, stuck: int) -> None:
-    """Take from the derivatives what the holding forces take from the rates."""
+def hold_still(tab: Ints, r: Floats, mode: Ints, w: Floats, c: int) -> None:
+    """Take from the derivatives in a column what the holding forces take from the rates."""
     ns = tab[NS]
-    which = np.empty(stuck, np.int64)
-    n = 0
-    for j in range(tab[M]):
-        if mode[j] == 0 and grip(tab, r, j, j) != 0.0:
-            which[n] = j
-            n += 1
-    a, b = np.empty((n, n)), np.empty(n)
-    for c in range(ns + 1):
-        for i in range(n):
-            b[i] = 0.0
+    first = kept_at(ns, SLOTS)
+    grips(tab, r, mode, w)
+    for i in range(tab[M]):
+        if mode[i] == 0 and grip(tab, r, i, i) != 0.0:
             for s in range(ns):
-                b[i] -= r[tab[tab[VELOCITY] + which[i] * ns + s]] * w[JAC + s, c]
-            for k in range(n):
-                a[i, k] = grip(tab, r, which[i], which[k])
-        if not solve_small(a, b, n):
-            return
-        for i in range(n):
-            for s in range(ns):
-                w[JAC + s, c] += r[tab[tab[PER_FORCE] + which[i] * ns + s]] * b[i]
-    for i in range(n):
-        only = only_state(tab, r, which[i])
+                w[first + i, tab[M]] -= r[tab[tab[VELOCITY] + i * ns + s]] * w[JAC + s, c]
+    if not solve_small(w, first, tab[M]):
+        return
+    for i in range(tab[M]):
+        for s in range(ns):
+            w[JAC + s, c] += r[tab[tab[PER_FORCE] + i * ns + s]] * w[first + i, tab[M]]
+    for i in range(tab[M]):
+        only = only_state(tab, r, i) if mode[i] == 0 and grip(tab, r, i, i) != 0.0 else -1
         if only >= 0:
-            for c in range(ns + 1):
-                w[JAC + only, c] = 0.0
+            w[JAC + only, c] = 0.0

@@ -50,7 +50,7 @@ from sim_hal.plant.engine.machine import (
     M,
     Q,
 )
-from sim_hal.plant.engine.propagate import along, find, series, weigh
+from sim_hal.plant.engine.propagate import ALIKE, ROUGHLY, along, find, same, series, weigh
 from sim_hal.plant.engine.rates import rates_at
 from sim_hal.plant.jit import compiled
 from sim_hal.plant.program import Floats, Ints
@@ -176,25 +176,26 @@ def try_step(
     to tell what is within the step; the share of it up to which it counts, below 1 where it was found to end at an
     event (whose margins are in row FOUND + HIGH).
     """
-    place = find(tab, w, h) if stiff else NO_PROPAGATOR
-    error, terms = linear(code, tab, r, mode, w, h, place)
-    status, share, wanted = OK, 1.0, h * (5.0 if error < 1e-3 * LINEAR else 2.0)
-    if not error <= LINEAR:
-        hit = terms > 0 and margins(code, tab, r, mode, w, POINT + END, RATE + END, HIGH)
-        if hit:
-            share = locate(code, tab, r, mode, w, h, terms, 1.0)
-            hit = linear_up_to(code, tab, r, mode, w, h, share, terms)
-        if hit:
-            wanted = w[CLOCK, WANTED]
-        else:
-            share = 1.0
-            error, terms = cubic(code, tab, r, mode, w, h, place)
-            finite = np.isfinite(error)
-            wanted = h * (min(5.0, max(0.2, 0.9 * max(error, 1e-4) ** -0.25)) if finite else 0.1)
-            if not error <= 1.0:
-                status = AGAIN
-                if wanted < MIN_STEP * max(1.0, abs(w[CLOCK, TIME])):
-                    status = vanished(w, finite)
+    error, terms, share, wanted = np.nan, 0, 1.0, 0.0
+    for alike in (ROUGHLY, ALIKE):
+        place = find(tab, w, h, alike) if stiff else NO_PROPAGATOR
+        error, terms = linear(code, tab, r, mode, w, h, place)
+        wanted = h * (5.0 if error < 1e-3 * LINEAR else 2.0)
+        if error <= LINEAR:
+            break
+        share = linear_up_to(code, tab, r, mode, w, h, terms) if terms > 0 else 1.0
+        if share < 1.0:
+            error, wanted = 0.0, w[CLOCK, WANTED]
+            break
+        error, terms = cubic(code, tab, r, mode, w, h, place)
+        wanted = h * (min(5.0, max(0.2, 0.9 * max(error, 1e-4) ** -0.25)) if np.isfinite(error) else 0.1)
+        if error <= 1.0 or not stiff or same(w, tab[NS], place, h, ALIKE):
+            break
+    status = OK
+    if not error <= 1.0:
+        status = AGAIN
+        if wanted < MIN_STEP * max(1.0, abs(w[CLOCK, TIME])):
+            status = vanished(w, error)
     w[CLOCK, WANTED] = max(wanted, w[CLOCK, WANTED]) if last and status == OK else wanted
     if status == OK:
         w[CLOCK, FORCED] = max(0.0, w[CLOCK, FORCED] - 1.0)
@@ -202,8 +203,9 @@ def try_step(
 
 
 @compiled
-def vanished(w: Floats, finite: bool) -> int:
+def vanished(w: Floats, error: float) -> int:
     """What to do about a step that cannot be made smaller: once it is taken, for a jump at its start does no harm."""
+    finite = np.isfinite(error)
     if finite and w[CLOCK, FORCED] == 0.0:
         w[CLOCK, FORCED] = 2.0
         return OK
@@ -211,13 +213,14 @@ def vanished(w: Floats, finite: bool) -> int:
 
 
 @compiled
-def linear_up_to(
-    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, share: float, terms: int
-) -> bool:
-    """Whether all was linear up to the point HERE, at a share of the step."""
+def linear_up_to(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, terms: int) -> float:
+    """Share of the step at which something happens, if all is linear up to there (the point HERE is it), else 1."""
+    if not margins(code, tab, r, mode, w, POINT + END, RATE + END, HIGH):
+        return 1.0
+    share = locate(code, tab, r, mode, w, h, terms, 1.0)
     along(tab, w, terms, share, CHANGE)
     held = go_to(code, tab, r, mode, w, w[CLOCK, TIME] + share * h, share, HERE, JAC)
-    return held and error_of(tab, w, h * share, NO_PROPAGATOR, POINT + HERE) <= LINEAR
+    return share if held and error_of(tab, w, h * share, NO_PROPAGATOR, POINT + HERE) <= LINEAR else 1.0
 
 
 @compiled
