@@ -80,7 +80,7 @@ def schedule(structure: Structure, run: Run, flags: tuple[str, ...], samples: Fl
     key = (tuple((name, spec.interpolation) for name, spec in structure.inputs.items()), flags)
     if key not in kept:
         kept[key] = _segments(structure, run, flags)
-    return Schedule(*kept[key], samples)
+    return Schedule(*kept[key], np.ascontiguousarray(samples))
 
 
 def _segments(structure: Structure, run: Run, flags: tuple[str, ...]) -> _Segments:

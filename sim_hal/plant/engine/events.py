@@ -49,14 +49,12 @@ from sim_hal.plant.engine.machine import (
     execute,
 )
 from sim_hal.plant.engine.rates import rates_at
-from sim_hal.plant.jit import compiled
-from sim_hal.plant.program import Floats, Ints
+from sim_hal.plant.native import Floats1, Floats2, Ints1, Ints2
 
 JUST_MET = -5e-324
 
 
-@compiled
-def set_flags(tab: Ints, r: Floats, at: float) -> bool:
+def set_flags(tab: Ints1, r: Floats1, at: float) -> bool:
     """Latch the flags whose condition holds; whether there was one."""
     found = False
     for i in range(tab[NF]):
@@ -68,8 +66,7 @@ def set_flags(tab: Ints, r: Floats, at: float) -> bool:
     return found
 
 
-@compiled
-def take_sides(tab: Ints, r: Floats, mode: Ints, every: bool) -> bool:
+def take_sides(tab: Ints1, r: Floats1, mode: Ints1, every: bool) -> bool:
     """Note on which side of each kink the state is; of those only that were on it, unless `every`.
 
     Whether there is any change.
@@ -85,8 +82,7 @@ def take_sides(tab: Ints, r: Floats, mode: Ints, every: bool) -> bool:
     return found
 
 
-@compiled
-def settle(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, t: float) -> int:
+def settle(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, t: float) -> int:
     """Bring flags, friction modes and memories into agreement with the state; gives the rates (row START) there."""
     for _ in range(100):
         if not rates_at(code, tab, r, mode, w, t, STATE, RATE + START):
@@ -109,8 +105,7 @@ def settle(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, t: float) ->
     return CHATTER
 
 
-@compiled
-def settle_memories(tab: Ints, r: Floats, mode: Ints, w: Floats) -> None:
+def settle_memories(tab: Ints1, r: Floats1, mode: Ints1, w: Floats2) -> None:
     """Store each memory's value and whether it follows a limit from here on (at rest it follows none)."""
     for q in range(tab[Q]):
         low, high = r[tab[tab[LOWER] + q]], r[tab[tab[UPPER] + q]]
@@ -129,8 +124,7 @@ def settle_memories(tab: Ints, r: Floats, mode: Ints, w: Floats) -> None:
             r[tab[AT_UPPER] + q] = 1.0
 
 
-@compiled
-def keep_memories(tab: Ints, r: Floats, mode: Ints) -> None:
+def keep_memories(tab: Ints1, r: Floats1, mode: Ints1) -> None:
     """Store the values of the memories that follow a limit."""
     for q in range(tab[Q]):
         if mode[tab[M] + q] == 1:
@@ -139,8 +133,7 @@ def keep_memories(tab: Ints, r: Floats, mode: Ints) -> None:
             r[tab[MEMORY] + q] = r[tab[tab[UPPER] + q]]
 
 
-@compiled
-def memory_margin(tab: Ints, r: Floats, q: int, mode: int, w: Floats, rate: int) -> float:
+def memory_margin(tab: Ints1, r: Floats1, q: int, mode: int, w: Floats2, rate: int) -> float:
     """How far memory q is from doing something else than its mode says."""
     margin = 1.0
     if mode == 0:
@@ -153,8 +146,9 @@ def memory_margin(tab: Ints, r: Floats, q: int, mode: int, w: Floats, rate: int)
     return margin
 
 
-@compiled
-def margins(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, x: int, rate: int, found: int) -> bool:
+def margins(
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, x: int, rate: int, found: int
+) -> bool:
     """All margins at the point (rows x and `rate`) just evaluated, and their rates; whether any is negative.
 
     They go to the rows FOUND and TREND of `found`. A rate of 0 stands for one that is not known.
@@ -193,8 +187,7 @@ def margins(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, x: int, rat
     return hit
 
 
-@compiled
-def memory_trend(tab: Ints, r: Floats, q: int, mode: int, w: Floats, rate: int) -> float:
+def memory_trend(tab: Ints1, r: Floats1, q: int, mode: int, w: Floats2, rate: int) -> float:
     """Rate of a memory's margin while it holds."""
     trend = 0.0
     if mode == 0:
@@ -206,8 +199,7 @@ def memory_trend(tab: Ints, r: Floats, q: int, mode: int, w: Floats, rate: int) 
     return trend
 
 
-@compiled
-def dip(w: Floats, h: float, i: int) -> float:
+def dip(w: Floats2, h: float, i: int) -> float:
     """Share of a step at which margin i, positive at both ends, may have been negative, or 0.
 
     Where its tangents at the ends cross below 0, the cubic through its values and rates tells where it is lowest.
@@ -225,8 +217,7 @@ def dip(w: Floats, h: float, i: int) -> float:
     return share
 
 
-@compiled
-def apply_events(tab: Ints, r: Floats, mode: Ints, w: Floats, found: int, at: float) -> None:
+def apply_events(tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, found: int, at: float) -> None:
     """Change the modes of what has a negative margin, at the point just evaluated at time `at`."""
     for j in range(tab[M]):
         if w[FOUND + found, j] < 0.0 and mode[j] == 0:

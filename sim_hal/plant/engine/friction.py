@@ -14,15 +14,13 @@ from sim_hal.plant.engine.machine import (
     M,
     kept_at,
 )
-from sim_hal.plant.jit import compiled
-from sim_hal.plant.program import Floats, Ints
+from sim_hal.plant.native import Floats1, Floats2, Ints1
 
 BAND_TOLERANCE = 1e-9
 """Share of the band by which the holding force must leave it: keeps stick from flickering."""
 
 
-@compiled
-def solve_small(w: Floats, first: int, n: int) -> bool:
+def solve_small(w: Floats2, first: int, n: int) -> bool:
     """Solve a·x = b by elimination with pivoting, in place; False where a is singular.
 
     Row `first` + i of w has row i of a and then b_i, which becomes x_i.
@@ -47,8 +45,7 @@ def solve_small(w: Floats, first: int, n: int) -> bool:
     return True
 
 
-@compiled
-def dot(tab: Ints, r: Floats, place: int, w: Floats, row: int) -> float:
+def dot(tab: Ints1, r: Floats1, place: int, w: Floats2, row: int) -> float:
     """Sum over the states of the registers listed from `place` on times a row of w."""
     total = 0.0
     for s in range(tab[NS]):
@@ -56,8 +53,7 @@ def dot(tab: Ints, r: Floats, place: int, w: Floats, row: int) -> float:
     return total
 
 
-@compiled
-def grip(tab: Ints, r: Floats, i: int, j: int) -> float:
+def grip(tab: Ints1, r: Floats1, i: int, j: int) -> float:
     """What one unit of element j's force adds to the rate of element i's relative velocity."""
     total = 0.0
     for s in range(tab[NS]):
@@ -65,27 +61,23 @@ def grip(tab: Ints, r: Floats, i: int, j: int) -> float:
     return total
 
 
-@compiled
-def slide_rate(tab: Ints, r: Floats, j: int, w: Floats, row: int) -> float:
+def slide_rate(tab: Ints1, r: Floats1, j: int, w: Floats2, row: int) -> float:
     """Rate of element j's relative velocity, the rates being in a row of w."""
     return dot(tab, r, tab[VELOCITY] + j * tab[NS], w, row)
 
 
-@compiled
-def relative_velocity(tab: Ints, r: Floats, j: int, w: Floats, row: int) -> float:
+def relative_velocity(tab: Ints1, r: Floats1, j: int, w: Floats2, row: int) -> float:
     """Relative velocity of friction element j, the state being in a row of w."""
     return float(r[tab[tab[VELOCITY_OFFSET] + j]] + dot(tab, r, tab[VELOCITY] + j * tab[NS], w, row))
 
 
-@compiled
-def add_force(tab: Ints, r: Floats, j: int, force: float, w: Floats, row: int) -> None:
+def add_force(tab: Ints1, r: Floats1, j: int, force: float, w: Floats2, row: int) -> None:
     """Add a force of friction element j to a row of rates."""
     for s in range(tab[NS]):
         w[row, s] += r[tab[tab[PER_FORCE] + j * tab[NS] + s]] * force
 
 
-@compiled
-def only_state(tab: Ints, r: Floats, j: int) -> int:
+def only_state(tab: Ints1, r: Floats1, j: int) -> int:
     """The state that element j's velocity consists of, negative where there are several."""
     only = -1
     for s in range(tab[NS]):
@@ -94,8 +86,7 @@ def only_state(tab: Ints, r: Floats, j: int) -> int:
     return only
 
 
-@compiled
-def grips(tab: Ints, r: Floats, mode: Ints, w: Floats) -> None:
+def grips(tab: Ints1, r: Floats1, mode: Ints1, w: Floats2) -> None:
     """Set up, in the room for scratch, the equations of the forces that keep the stuck elements still.
 
     The right sides are left at 0. Those of the others, and of a force without grip, are that it is 0.
@@ -109,8 +100,7 @@ def grips(tab: Ints, r: Floats, mode: Ints, w: Floats) -> None:
         w[first + i, tab[M]] = 0.0
 
 
-@compiled
-def hold(tab: Ints, r: Floats, mode: Ints, w: Floats, row: int) -> bool:
+def hold(tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, row: int) -> bool:
     """Find and apply the forces that keep the stuck elements still (0 where a force has no grip)."""
     grips(tab, r, mode, w)
     first = kept_at(tab[NS], SLOTS)
@@ -132,22 +122,19 @@ def hold(tab: Ints, r: Floats, mode: Ints, w: Floats, row: int) -> bool:
     return True
 
 
-@compiled
-def band(tab: Ints, r: Floats, j: int) -> float:
+def band(tab: Ints1, r: Floats1, j: int) -> float:
     """By how much element j's force may miss its band before that counts."""
     return float(BAND_TOLERANCE * (abs(r[tab[tab[FORWARD] + j]]) + abs(r[tab[tab[BACKWARD] + j]])))
 
 
-@compiled
-def hold_margin(tab: Ints, r: Floats, j: int) -> float:
+def hold_margin(tab: Ints1, r: Floats1, j: int) -> float:
     """How far the holding force of stuck element j is from the band's end; negative outside."""
     force = r[tab[FORCE_AT] + j]
     spare = min(force + r[tab[tab[FORWARD] + j]], r[tab[tab[BACKWARD] + j]] - force)
     return float(spare + band(tab, r, j))
 
 
-@compiled
-def release(tab: Ints, r: Floats, mode: Ints, w: Floats, row: int) -> bool:
+def release(tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, row: int) -> bool:
     """Decide which stuck elements start to slide, all together (projected Gauss–Seidel on their bands)."""
     for j in range(tab[M]):  # back to the rates without the stuck elements' forces
         if mode[j] == 0:

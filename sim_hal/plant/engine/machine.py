@@ -16,7 +16,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from sim_hal.plant.jit import compiled, entry
+from sim_hal.plant.native import Floats1, Ints2, entry
 from sim_hal.plant.program import OPCODES, Floats, Ints, Layout
 
 OK, NOT_FINITE, STEP_VANISHED, TOO_MANY_STEPS, CHATTER, EMPTY_BAND, NO_GRIP = range(7)
@@ -62,7 +62,6 @@ JAC = (
 )  # (ns, ns + 1) derivatives of the rates by the states and time; then the propagators, then scratch
 
 
-@compiled
 def kept_at(ns: int, slot: int) -> int:
     """First row of a kept propagator: its matrix, then the weights of F0 … F3 for a whole step and for half of it.
 
@@ -108,7 +107,7 @@ class Limits(NamedTuple):
 
 
 @entry
-def execute(code: Ints, start: int, stop: int, r: Floats) -> None:
+def execute(code: Ints2, start: int, stop: int, r: Floats1) -> None:
     """Run instructions start … stop−1 on the registers `r`."""
     for n in range(start, stop):
         op = code[n, 0]

@@ -13,8 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim_hal.plant.engine.machine import FORCE, JAC, KEPT, LONGEST, NS, SLOTS, TERMS, kept_at
-from sim_hal.plant.jit import compiled
-from sim_hal.plant.program import Floats, Ints
+from sim_hal.plant.native import Floats2, Ints1
 
 SERIES_REACH = 2.0
 """Size of hL up to which the series is taken."""
@@ -24,8 +23,7 @@ PHI_TERMS = 13
 PHI_REACH = 0.5
 
 
-@compiled
-def strength(w: Floats, n: int) -> tuple[float, float]:
+def strength(w: Floats2, n: int) -> tuple[float, float]:
     """Bounds, whatever the units of the states, on the matrix and on how fast it makes the states oscillate, 1/s."""
     diagonal = coupled = swing = 0.0
     for i in range(n):
@@ -37,8 +35,7 @@ def strength(w: Floats, n: int) -> tuple[float, float]:
     return diagonal + np.sqrt(coupled), np.sqrt(swing)
 
 
-@compiled
-def series(tab: Ints, w: Floats, h: float) -> int:
+def series(tab: Ints1, w: Floats2, h: float) -> int:
     """Taylor coefficients of the increment by θ, in rows from TERMS on; how many, or 0 if they do not end."""
     n = tab[NS]
     quiet = 0
@@ -61,8 +58,7 @@ def series(tab: Ints, w: Floats, h: float) -> int:
     return 0
 
 
-@compiled
-def along(tab: Ints, w: Floats, count: int, share: float, to: int) -> None:
+def along(tab: Ints1, w: Floats2, count: int, share: float, to: int) -> None:
     """Increment at a share of the step, to a row."""
     for s in range(tab[NS]):
         total = 0.0
@@ -71,8 +67,7 @@ def along(tab: Ints, w: Floats, count: int, share: float, to: int) -> None:
         w[to, s] = total
 
 
-@compiled
-def weigh(tab: Ints, w: Floats, place: int, first: int, count: int, to: int) -> None:
+def weigh(tab: Ints1, w: Floats2, place: int, first: int, count: int, to: int) -> None:
     """Sum of the kept weights (from row `place` on) times `count` rows from `first` on, to a row."""
     n = tab[NS]
     for s in range(n):
@@ -83,8 +78,7 @@ def weigh(tab: Ints, w: Floats, place: int, first: int, count: int, to: int) -> 
         w[to, s] = total
 
 
-@compiled
-def same(w: Floats, n: int, matrix: int, h: float, share: float) -> bool:
+def same(w: Floats2, n: int, matrix: int, h: float, share: float) -> bool:
     """Whether a kept matrix is the derivatives' up to a share: only loops of states bear upon how fast things go."""
     fits = True
     for i in range(n):
@@ -95,8 +89,7 @@ def same(w: Floats, n: int, matrix: int, h: float, share: float) -> bool:
     return fits
 
 
-@compiled
-def find(tab: Ints, w: Floats, h: float, share: float) -> int:
+def find(tab: Ints1, w: Floats2, h: float, share: float) -> int:
     """First row of a kept propagator for steps of size h (up to the rounding of times), its matrix right to a share.
 
     It is made where there is none. Row KEPT has how many there are, the last one made, and their step sizes.
@@ -118,8 +111,7 @@ def find(tab: Ints, w: Floats, h: float, share: float) -> int:
     return kept_at(n, slot)
 
 
-@compiled
-def balance(w: Floats, n: int, a: int, scale: int) -> None:
+def balance(w: Floats2, n: int, a: int, scale: int) -> None:
     """Make rows and columns of matrix `a` alike in size by powers of 2, a_ij · scale_j / scale_i (Osborne)."""
     for i in range(n):
         w[scale, i] = 1.0
@@ -140,8 +132,7 @@ def balance(w: Floats, n: int, a: int, scale: int) -> None:
                 w[a + i, j] /= factor
 
 
-@compiled
-def multiply(w: Floats, n: int, a: int, b: int, out: int) -> None:
+def multiply(w: Floats2, n: int, a: int, b: int, out: int) -> None:
     """Product of the matrices at rows `a` and `b`, to row `out`."""
     for i in range(n):
         for j in range(n):
@@ -153,8 +144,7 @@ def multiply(w: Floats, n: int, a: int, b: int, out: int) -> None:
                     w[out + i, j] += factor * w[b + k, j]
 
 
-@compiled
-def first_phis(w: Floats, n: int, z: int, phi: int, work: int) -> None:
+def first_phis(w: Floats2, n: int, z: int, phi: int, work: int) -> None:
     """φ0 … φ4, one after the other from row `phi` on, of a small matrix `z`: φ4 by its series, then the rest."""
     last = phi + 4 * n
     factor = 1.0  # 1 / (PHI_TERMS + 4)!
@@ -176,8 +166,7 @@ def first_phis(w: Floats, n: int, z: int, phi: int, work: int) -> None:
             w[phi + k * n + i, i] += factor
 
 
-@compiled
-def double(w: Floats, n: int, phi: int, work: int) -> None:
+def double(w: Floats2, n: int, phi: int, work: int) -> None:
     """φ0 … φ4 of twice the matrix, in their place."""
     for k in range(4, -1, -1):
         multiply(w, n, phi, phi + k * n, work)
@@ -192,8 +181,7 @@ def double(w: Floats, n: int, phi: int, work: int) -> None:
                 w[phi + k * n + i, c] = w[work + i, c] * 0.5**k
 
 
-@compiled
-def fill(w: Floats, n: int, place: int, h: float) -> None:
+def fill(w: Floats2, n: int, place: int, h: float) -> None:
     """Make a propagator of the present derivatives for steps of size h."""
     z = kept_at(n, SLOTS)
     work, phi, scale = z + n, z + 2 * n, z + 7 * n

@@ -34,12 +34,12 @@ from sim_hal.plant.engine.machine import (
     execute,
     kept_at,
 )
-from sim_hal.plant.jit import compiled
-from sim_hal.plant.program import Floats, Ints
+from sim_hal.plant.native import Floats1, Floats2, Ints1, Ints2
 
 
-@compiled
-def rates_at(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, t: float, x: int, rate: int) -> bool:
+def rates_at(
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, t: float, x: int, rate: int
+) -> bool:
     """Rates at time t and the state in row x go to row `rate`, friction forces to their registers. False: no grip.
 
     States that do not count stand still.
@@ -63,8 +63,7 @@ def rates_at(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, t: float, 
     return hold(tab, r, mode, w, rate) if stuck else True
 
 
-@compiled
-def jacobian_at(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats) -> None:
+def jacobian_at(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2) -> None:
     """Derivatives of the rates where they were just evaluated.
 
     An entry that is no finite number is left out: the steps that use the matrix do not need it to be exact.
@@ -95,8 +94,7 @@ def jacobian_at(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats) -> None
                 w[JAC + s, c] = 0.0
 
 
-@compiled
-def hold_still(tab: Ints, r: Floats, mode: Ints, w: Floats, c: int) -> None:
+def hold_still(tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, c: int) -> None:
     """Take from the derivatives in a column what the holding forces take from the rates."""
     ns = tab[NS]
     first = kept_at(ns, SLOTS)

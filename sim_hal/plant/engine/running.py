@@ -48,16 +48,14 @@ from sim_hal.plant.engine.machine import (
 from sim_hal.plant.engine.propagate import SERIES_REACH, strength
 from sim_hal.plant.engine.rates import jacobian_at, rates_at
 from sim_hal.plant.engine.stepping import AGAIN, hits, locate, try_step
-from sim_hal.plant.jit import compiled, entry
-from sim_hal.plant.program import Floats, Ints
+from sim_hal.plant.native import Floats1, Floats2, Floats3, Ints1, Ints2, entry
 
 SWING = 0.5
 """Most by which an oscillation may go on within a step, in radians: what happens between two looks is told by the
 values and rates at both, which serves for less than half a turn."""
 
 
-@compiled
-def start(tab: Ints, r: Floats, mode: Ints, w: Floats) -> None:
+def start(tab: Ints1, r: Floats1, mode: Ints1, w: Floats2) -> None:
     """Find what slides which way."""
     for j in range(tab[M]):
         if mode[j] != OFF:
@@ -65,10 +63,9 @@ def start(tab: Ints, r: Floats, mode: Ints, w: Floats) -> None:
             mode[j] = 1 if v > 0.0 else -1 if v < 0.0 else 0
 
 
-@compiled
 def open_segment(
-    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, at: float, values: Floats, slopes: Floats,
-    events: Floats,
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, at: float, values: Floats1, slopes: Floats1,
+    events: Floats1,
 ) -> int:  # fmt: skip
     """Take over the inputs and events from a break on; gives the rates there (row START)."""
     r[tab[SEGMENT]] = at
@@ -82,8 +79,7 @@ def open_segment(
     return settle(code, tab, r, mode, w, w[CLOCK, TIME])
 
 
-@compiled
-def accept(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, finish: float, look: int) -> None:
+def accept(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, finish: float, look: int) -> None:
     """Make a point the present state: stuck elements exactly still, memories carried along."""
     w[CLOCK, TIME] = finish
     for s in range(tab[NS]):
@@ -103,8 +99,7 @@ def accept(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, finish: floa
     keep_memories(tab, r, mode)
 
 
-@compiled
-def within(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, terms: int) -> float:
+def within(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, terms: int) -> float:
     """Share of the step taken by which something has happened that its end does not show, 1 if nothing has.
 
     Negative where that cannot be told, for want of a series.
@@ -119,7 +114,6 @@ def within(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, te
     return found
 
 
-@compiled
 def step_size(wanted: float, left: float, whole: float, stiff: bool) -> float:
     """Size of the next step: at most what is wanted and what is left.
 
@@ -136,9 +130,8 @@ def step_size(wanted: float, left: float, whole: float, stiff: bool) -> float:
     return h
 
 
-@compiled
 def go_on(
-    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, until: float, whole: float, careful: float
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, until: float, whole: float, careful: float
 ) -> tuple[int, int, float]:
     """One step towards `until`, not past the first event.
 
@@ -180,10 +173,9 @@ def go_on(
     return status, events, careful
 
 
-@compiled
 def segment(
-    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, end: float, samples: Floats, done: int,
-    outputs: Floats, states: Floats,
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, end: float, samples: Floats1, done: int,
+    outputs: Floats2, states: Floats2,
 ) -> tuple[int, int]:  # fmt: skip
     """Go through a segment whose start is settled, giving the samples before its end; a status, and how many are done
     in all.
@@ -215,9 +207,15 @@ def segment(
     return status, done
 
 
-@compiled
 def emit(
-    code: Ints, tab: Ints, r: Floats, w: Floats, samples: Floats, done: int, outputs: Floats, states: Floats
+    code: Ints2,
+    tab: Ints1,
+    r: Floats1,
+    w: Floats2,
+    samples: Floats1,
+    done: int,
+    outputs: Floats2,
+    states: Floats2,
 ) -> int:
     """Give the samples that are due at the point just evaluated; returns how many are done in all."""
     while done < len(samples) and samples[done] <= w[CLOCK, TIME]:
@@ -233,8 +231,8 @@ def emit(
 
 @entry
 def integrate(
-    code: Ints, tab: Ints, registers: Floats, modes: Ints, rooms: Floats, breaks: Floats, inputs: Floats,
-    slopes: Floats, events: Floats, samples: Floats, outputs: Floats, states: Floats, statuses: Ints,
+    code: Ints2, tab: Ints1, registers: Floats2, modes: Ints2, rooms: Floats3, breaks: Floats1, inputs: Floats2,
+    slopes: Floats2, events: Floats1, samples: Floats1, outputs: Floats3, states: Floats3, statuses: Ints1,
 ) -> None:  # fmt: skip
     """Run machines one after the other through the same segments; each gets a status.
 

@@ -52,8 +52,7 @@ from sim_hal.plant.engine.machine import (
 )
 from sim_hal.plant.engine.propagate import ALIKE, ROUGHLY, along, find, same, series, weigh
 from sim_hal.plant.engine.rates import rates_at
-from sim_hal.plant.jit import compiled
-from sim_hal.plant.program import Floats, Ints
+from sim_hal.plant.native import Floats1, Floats2, Ints1, Ints2
 
 FLOOR = 0.01
 """Share of a state's largest value so far below which its relative tolerance no longer shrinks."""
@@ -64,8 +63,7 @@ SWEEPS = 3
 AGAIN = -1
 
 
-@compiled
-def error_of(tab: Ints, w: Floats, h: float, place: int, end: int) -> float:
+def error_of(tab: Ints1, w: Floats2, h: float, place: int, end: int) -> float:
     """What a term θ² of F, in row CHANGE, adds to the increment relative to the tolerance: largest of all states."""
     n = tab[NS]
     if place > 0:
@@ -80,9 +78,16 @@ def error_of(tab: Ints, w: Floats, h: float, place: int, end: int) -> float:
     return float(worst)
 
 
-@compiled
 def go_to(
-    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, at: float, share: float, look: int, matrix: int
+    code: Ints2,
+    tab: Ints1,
+    r: Floats1,
+    mode: Ints1,
+    w: Floats2,
+    at: float,
+    share: float,
+    look: int,
+    matrix: int,
 ) -> bool:
     """Add row CHANGE to the state: point and rates (rows `look`) there, and D in its place. False: no grip."""
     n = tab[NS]
@@ -99,9 +104,8 @@ def go_to(
     return held
 
 
-@compiled
 def reach(
-    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, place: int, half: int
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, place: int, half: int
 ) -> tuple[bool, int]:
     """Go to the step's end (half 0) or middle (1) under the present F: point, rates and D there.
 
@@ -121,9 +125,8 @@ def reach(
     return held and (place > 0 or terms > 0), terms
 
 
-@compiled
 def linear(
-    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, place: int
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, place: int
 ) -> tuple[float, int]:
     """The step as if all were linear: its error, and the length of its Taylor series (0 with a kept propagator)."""
     n = tab[NS]
@@ -140,8 +143,9 @@ def linear(
     return error if held else np.nan, terms
 
 
-@compiled
-def cubic(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, place: int) -> tuple[float, int]:
+def cubic(
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, place: int
+) -> tuple[float, int]:
     """The step with D, after `linear`: its error and the length of its Taylor series."""
     n = tab[NS]
     terms, error = 0, np.nan
@@ -166,9 +170,8 @@ def cubic(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, pla
     return error, terms
 
 
-@compiled
 def try_step(
-    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, last: bool, stiff: bool
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, last: bool, stiff: bool
 ) -> tuple[int, int, float]:
     """A step of size h with error control.
 
@@ -177,7 +180,8 @@ def try_step(
     event (whose margins are in row FOUND + HIGH).
     """
     error, terms, share, wanted = np.nan, 0, 1.0, 0.0
-    for alike in (ROUGHLY, ALIKE):
+    for attempt in range(2):
+        alike = ROUGHLY if attempt == 0 else ALIKE
         place = find(tab, w, h, alike) if stiff else NO_PROPAGATOR
         error, terms = linear(code, tab, r, mode, w, h, place)
         wanted = h * (5.0 if error < 1e-3 * LINEAR else 2.0)
@@ -202,8 +206,7 @@ def try_step(
     return status, terms, share
 
 
-@compiled
-def vanished(w: Floats, error: float) -> int:
+def vanished(w: Floats2, error: float) -> int:
     """What to do about a step that cannot be made smaller: once it is taken, for a jump at its start does no harm."""
     finite = np.isfinite(error)
     if finite and w[CLOCK, FORCED] == 0.0:
@@ -212,8 +215,7 @@ def vanished(w: Floats, error: float) -> int:
     return STEP_VANISHED if finite else NOT_FINITE
 
 
-@compiled
-def linear_up_to(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, terms: int) -> float:
+def linear_up_to(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, terms: int) -> float:
     """Share of the step at which something happens, if all is linear up to there (the point HERE is it), else 1."""
     if not margins(code, tab, r, mode, w, POINT + END, RATE + END, HIGH):
         return 1.0
@@ -223,9 +225,16 @@ def linear_up_to(code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: flo
     return share if held and error_of(tab, w, h * share, NO_PROPAGATOR, POINT + HERE) <= LINEAR else 1.0
 
 
-@compiled
 def hits(
-    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, terms: int, share: float, found: int
+    code: Ints2,
+    tab: Ints1,
+    r: Floats1,
+    mode: Ints1,
+    w: Floats2,
+    h: float,
+    terms: int,
+    share: float,
+    found: int,
 ) -> bool:
     """Whether something has happened by `share` of the step just taken; its margins go to rows `found`."""
     along(tab, w, terms, share, CHANGE)
@@ -236,8 +245,7 @@ def hits(
     return hit or not held
 
 
-@compiled
-def guess(tab: Ints, w: Floats, low: float, high: float, bias: float) -> float:
+def guess(tab: Ints1, w: Floats2, low: float, high: float, bias: float) -> float:
     """Where between two shares of a step the first margin vanishes, by straight lines."""
     middle = high
     for i in range(tab[M] + tab[Q] + tab[NW] + tab[NF]):
@@ -247,9 +255,8 @@ def guess(tab: Ints, w: Floats, low: float, high: float, bias: float) -> float:
     return middle
 
 
-@compiled
 def locate(
-    code: Ints, tab: Ints, r: Floats, mode: Ints, w: Floats, h: float, terms: int, share: float
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, terms: int, share: float
 ) -> float:
     """Share of the step at which the first thing happens, given one by which something has.
 

@@ -1,0 +1,150 @@
+"""Machine code of functions that Python calls: made when first needed, kept on disk, called with arrays and ints."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import llvmlite
+import numpy as np
+from llvmlite import binding, ir
+
+from sim_hal.plant.native.evaluate import Function, signature_of
+from sim_hal.plant.native.translate import Translation
+from sim_hal.plant.native.values import FLOAT, INT, POINTER, VOID, Array, TranslationError, flat
+
+_SOURCES = Path(__file__).resolve().parents[1]
+_NAME = "entry"
+
+
+def build(function: Function) -> Callable[..., None]:
+    """The function in machine code: takes contiguous arrays and ints, returns nothing, lets other threads run."""
+    *kinds, result = signature_of(function)
+    if result != VOID or not all(isinstance(kind, Array) or kind == INT for kind in kinds):
+        raise TranslationError(f"{function.__name__}: Python hands over arrays and ints, and gets nothing")
+    count = sum(len(flat(kind)) for kind in kinds)
+    address = _loaded(_kept(function), f"{function.__module__}.{function.__name__}")
+    call = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * count)(address)
+
+    def run(*arguments: Any) -> None:
+        words: list[int] = []
+        for kind, argument in zip(kinds, arguments, strict=True):
+            if isinstance(kind, Array):
+                words += _words(kind, argument)
+            else:
+                words.append(argument)
+        call(*words)
+
+    return run
+
+
+def _words(kind: Array, array: np.ndarray[Any, Any]) -> list[int]:
+    """Where an array is, and its sizes."""
+    right = np.float64 if kind.element == FLOAT else np.int64
+    if array.dtype != right or array.ndim != kind.dimensions or not array.flags.c_contiguous:
+        raise TypeError(f"needs a contiguous array of {kind.dimensions} dimensions of {right.__name__}")
+    try:
+        address = ctypes.addressof(
+            ctypes.c_char.from_buffer(array.data)
+        )  # quick, but not of what is empty or read-only
+    except (TypeError, ValueError):
+        address = array.ctypes.data
+    return [address, *array.shape]
+
+
+def _machine() -> binding.TargetMachine:
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    features = binding.get_host_cpu_features().flatten()
+    target = binding.Target.from_default_triple()
+    return target.create_target_machine(binding.get_host_cpu_name(), features, opt=2, jit=True)
+
+
+def _loaded(code: bytes, name: str) -> int:
+    """Address of the entry of object code, which stays loaded."""
+    module = binding.parse_assembly("")
+    engine = binding.create_mcjit_compiler(module, _machine())
+    engine.add_object_file(binding.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    _ENGINES[name] = engine
+    return int(engine.get_function_address(_NAME))
+
+
+_ENGINES: dict[str, binding.ExecutionEngine] = {}
+
+
+def translated(function: Function) -> str:
+    """LLVM code of a function and all that it calls, with an entry that takes words."""
+    translation = Translation(function.__name__)
+    inner = translation.function(function)
+    kinds = [argument.type for argument in inner.args]
+    entry = ir.Function(translation.module, ir.FunctionType(VOID, [INT] * len(kinds)), _NAME)
+    b = ir.IRBuilder(entry.append_basic_block())
+    b.call(
+        inner,
+        [
+            b.inttoptr(word, POINTER) if kind == POINTER else word
+            for word, kind in zip(entry.args, kinds, strict=True)
+        ],
+    )
+    b.ret_void()
+    return str(translation.module)
+
+
+def _compiled(function: Function) -> bytes:
+    machine = _machine()
+    module = binding.parse_assembly(translated(function))
+    module.verify()
+    tuning = binding.create_pipeline_tuning_options(speed_level=2)
+    # Loops over a handful of states gain nothing from being unrolled, and take twice as long to compile.
+    tuning.loop_vectorization = tuning.slp_vectorization = False
+    tuning.loop_unrolling = tuning.loop_interleaving = False
+    builder = binding.create_pass_builder(machine, tuning)
+    builder.getModulePassManager().run(module, builder)
+    return bytes(machine.emit_object(module))
+
+
+def _kept(function: Function) -> bytes:
+    """Object code of a function, from disk where it has been made of the same sources for the same processor.
+
+    It lies beside the sources where these may be written, else in the user's cache; what is damaged is made anew.
+    """
+    folder = _folder()
+    path = folder / f"{function.__name__}-{_digest()}.o"
+    with suppress(OSError):
+        whole = path.read_bytes()
+        if hashlib.sha256(whole[32:]).digest() == whole[:32]:
+            return whole[32:]
+    code = _compiled(function)
+    with suppress(OSError):  # kept or not, the code runs
+        folder.mkdir(parents=True, exist_ok=True)
+        draft = path.with_suffix(f".{os.getpid()}")
+        draft.write_bytes(hashlib.sha256(code).digest() + code)
+        draft.replace(path)
+    return code
+
+
+def _folder() -> Path:
+    beside = _SOURCES / "__pycache__"
+    if os.access(beside if beside.exists() else _SOURCES, os.W_OK):
+        return beside
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hopper"
+
+
+def _digest() -> str:
+    """Of all that machine code depends on."""
+    digest = hashlib.sha256()
+    for path in sorted(_SOURCES.rglob("*.py")):
+        digest.update(path.read_bytes())
+    for text in (
+        llvmlite.__version__,
+        binding.get_host_cpu_name(),
+        binding.get_host_cpu_features().flatten(),
+    ):
+        digest.update(text.encode())
+    return digest.hexdigest()[:16]
