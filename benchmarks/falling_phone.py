@@ -166,8 +166,8 @@ sigma).
 No spring rings in a phone, so the ends follow from what a rigid body must read. The bias of the three axes is taken
 from the first hundredths of a second of the fall, where the air does nothing yet. Release and touchdown are where the
 force of the hand, or of the cushion, is nothing, by its first three strong samples and the power of time that they
-follow best; what that leaves open is most of the stated sigma. A hand lets go slowly: the phone moves already when it is
-free, and the last column is its speed then, integrated over the 0.15 s before.
+follow best; what that leaves open is most of the stated sigma. A hand lets go slowly: the phone moves already when
+it is free, and the last column is its speed then, integrated over the 0.15 s before.
 
 | file | release [s] | touchdown [s] | flight [ms] | speed at release [m/s] |
 | --- | --- | --- | --- | --- |

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from flight.edge_fit import Edge, fit_edges, mixed, starts
 from flight.edge_model import TAKE_OFF, TOUCHDOWN, E, EdgeData
-from flight.flight_search import Expectation, LocalRinging, NoFlight, Stretch, fit_ringing
+from flight.flight_search import Expectation, NoFlight, Stretch
 from flight.heartbeat import Heartbeat
+from flight.local_ringing import LocalRinging, fit_ringing
 from flight.settings import GroundSettings
 
 Array = NDArray[np.float64]

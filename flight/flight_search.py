@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.ringing import Ringing, TwoMass
+from flight.ringing import TwoMass
 from flight.settings import FlightSettings
 
 Array = NDArray[np.float64]
@@ -24,8 +24,6 @@ _SEARCH_S = 0.02  # after the push the foot leaves the ground for good within th
 _SIGMAS, _AMPLITUDE_SHARE, _GRAVITY_SHARE = 8.0, 0.03, 0.05  # what a window in flight may leave unexplained
 _FIRST_AMPLITUDE_SHARE = 0.015
 _NOT_FALLING, _SIGMAS_OF_LEVEL, _LEVEL_SHARE = 0.4, 4.0, 0.1  # mean of a window that is no free fall
-_NOISY, _LEAST_FOR_FRICTION = 1.4, 16  # misfit of a free ringing, in noise sigmas; samples
-_TURNS = 4  # of Gauss-Newton
 _MAYBE = 2.0  # how much worse a few windows within a flight may fit
 
 
@@ -150,16 +148,11 @@ def find_flight(times_s: Array, motion_m_s2: Array, expected: Expectation, noise
     step, times, motion = evened(times_s, motion_m_s2)
     begin = _push_over(times, motion, expected)
     windows = slide(step, times, motion, complex(-expected.decay_1_s, expected.omega_rad_s), _WINDOW_PERIODS)
-    gravity = expected.robot.gravity_m_s2
     soon = slice(begin, begin + 2 * windows.width)
     first_amplitude = (
         float(np.median(windows.amplitude_m_s2[soon])) if begin < windows.level_m_s2.size else 0.0
     )
-    allowed = np.maximum(_SIGMAS * noise_m_s2, _AMPLITUDE_SHARE * windows.amplitude_m_s2)
-    allowed = np.maximum(allowed, _GRAVITY_SHARE * gravity + _FIRST_AMPLITUDE_SHARE * first_amplitude)
-    still = _NOT_FALLING * gravity + _SIGMAS_OF_LEVEL * windows.level_per_noise * noise_m_s2
-    off = still + _LEVEL_SHARE * windows.amplitude_m_s2 + 2.0 * _FIRST_AMPLITUDE_SHARE * first_amplitude
-    falling = (windows.rms_m_s2 < allowed) & (np.abs(windows.level_m_s2) < off)
+    falling, allowed = _falling(windows, expected.robot.gravity_m_s2, noise_m_s2, first_amplitude)
     falling[: max(begin - 1, 0)] = False
     first, last = _first_run(falling, math.ceil(SHORTEST_S / step) - windows.width, begin, step)
     maybe = windows.rms_m_s2 < np.maximum(_MAYBE * allowed, _MAYBE * _FIRST_AMPLITUDE_SHARE * first_amplitude)
@@ -168,6 +161,36 @@ def find_flight(times_s: Array, motion_m_s2: Array, expected: Expectation, noise
     if stop >= motion.size - 3:
         raise NoFlight("the record ends before the robot has touched down")
     return Stretch(float(times[first]), float(times[stop - 1]))
+
+
+def falls_s(
+    times_s: Array, motion_m_s2: Array, expected: Expectation, noise_m_s2: float
+) -> list[tuple[float, float]]:
+    """Begin and end of all stretches in which the spring rings about free fall. Arguments as of `find_flight`."""
+    step, times, motion = evened(times_s, motion_m_s2)
+    pole = complex(-expected.decay_1_s, expected.omega_rad_s)
+    windows = slide(step, times, motion, pole, _WINDOW_PERIODS)
+    falling, _ = _falling(windows, expected.robot.gravity_m_s2, noise_m_s2, 0.0)
+    return [(float(times[a]), float(times[b - 1 + windows.width - 1])) for a, b in _runs(falling)]
+
+
+def _runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and one past the last of each run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], true.astype(np.int8), [0]))))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _falling(
+    windows: Windows, gravity_m_s2: float, noise_m_s2: float, first_amplitude_m_s2: float
+) -> tuple[NDArray[np.bool_], Array]:
+    """Windows (n,) in which the spring rings about free fall, and what each may leave unexplained."""
+    allowed = np.maximum(_SIGMAS * noise_m_s2, _AMPLITUDE_SHARE * windows.amplitude_m_s2)
+    allowed = np.maximum(
+        allowed, _GRAVITY_SHARE * gravity_m_s2 + _FIRST_AMPLITUDE_SHARE * first_amplitude_m_s2
+    )
+    still = _NOT_FALLING * gravity_m_s2 + _SIGMAS_OF_LEVEL * windows.level_per_noise * noise_m_s2
+    off = still + _LEVEL_SHARE * windows.amplitude_m_s2 + 2.0 * _FIRST_AMPLITUDE_SHARE * first_amplitude_m_s2
+    return (windows.rms_m_s2 < allowed) & (np.abs(windows.level_m_s2) < off), allowed
 
 
 def _without_glitches(falling: NDArray[np.bool_], maybe: NDArray[np.bool_], last: int, width: int) -> int:
@@ -202,94 +225,9 @@ def _push_over(times_s: Array, motion: Array, expected: Expectation) -> int:
 
 def _first_run(falling: NDArray[np.bool_], least: int, begin: int, step_s: float) -> tuple[int, int]:
     """First and last window of the first run of at least `least` windows; it must begin soon after the push."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], falling.astype(np.int8), [0]))))
-    for first, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for first, stop in _runs(falling):
         if (first - begin) * step_s > _SEARCH_S:
             break
         if stop - first >= max(least, 1):
             return first, stop - 1
     raise NoFlight("the robot was not seen to fly after the push")
-
-
-@dataclass(frozen=True)
-class LocalRinging:
-    """A ringing fitted to a part of the flight: about which level, what rubs, and what is left unexplained.
-
-    `friction_m_s2`: dry friction over the body's mass, at work on the half turns away from `from_s`.
-    """
-
-    ringing: Ringing
-    level_m_s2: float
-    rms_m_s2: float
-    from_s: float
-    friction_m_s2: float = 0.0
-
-    def motion_m_s2(self, times_s: Array) -> Array:
-        """The ringing, went it on, at any times (n,)."""
-        rubbed = (
-            self.friction_m_s2 * self.ringing.half_turns(times_s, self.from_s) if self.friction_m_s2 else 0.0
-        )
-        return np.asarray(
-            self.ringing.acceleration_m_s2(times_s) + self.level_m_s2 + rubbed, dtype=np.float64
-        )
-
-
-def fit_ringing(
-    times_s: Array,
-    motion: Array,
-    omega: tuple[float, float],
-    decay: tuple[float, float],
-    noise_m_s2: float,
-    from_s: float,
-) -> LocalRinging:
-    """Ringing over a stretch of flight (n,) that ends at `from_s`; frequency and decay with their priors (mean, std).
-
-    Dry friction is taken to be there where a free ringing leaves more than the noise.
-    """
-    free = _ringing(times_s, motion, omega, decay, noise_m_s2, None)
-    if free.rms_m_s2 < _NOISY * noise_m_s2 or times_s.size < _LEAST_FOR_FRICTION:
-        return replace(free, from_s=from_s)
-    rubbing = _ringing(times_s, motion, omega, decay, noise_m_s2, from_s)
-    return rubbing if rubbing.rms_m_s2 < 0.9 * free.rms_m_s2 else replace(free, from_s=from_s)
-
-
-def _ringing(
-    times_s: Array,
-    motion: Array,
-    omega: tuple[float, float],
-    decay: tuple[float, float],
-    noise_m_s2: float,
-    from_s: float | None,
-) -> LocalRinging:
-    """Gauss-Newton in frequency and decay, the rest being linear; with friction where `from_s` is given."""
-    middle = float(0.5 * (times_s[0] + times_s[-1]))
-    tau = times_s - middle
-    mean = np.array((omega[0], decay[0]))
-    weight = noise_m_s2 / np.array((omega[1], decay[1]))
-    pole = mean.copy()
-    amplitudes, left = np.zeros(4), motion
-    ringing = Ringing(middle, omega[0], decay[0], 0.0, 0.0)
-    for step in range(_TURNS + 1):
-        fade = np.exp(-pole[1] * tau)
-        cosine, sine = fade * np.cos(pole[0] * tau), fade * np.sin(pole[0] * tau)
-        if step == 0:
-            amplitudes[:3] = np.linalg.lstsq(
-                np.column_stack((cosine, sine, np.ones_like(tau))), motion, rcond=None
-            )[0]
-        wave = amplitudes[0] * cosine + amplitudes[1] * sine
-        ringing = Ringing(middle, float(pole[0]), float(pole[1]), float(amplitudes[0]), float(amplitudes[1]))
-        rubbed = np.zeros_like(tau) if from_s is None else ringing.half_turns(times_s, from_s)
-        left = motion - wave - amplitudes[2] - amplitudes[3] * rubbed
-        if step == _TURNS:
-            break
-        turned = amplitudes[1] * cosine - amplitudes[0] * sine
-        columns = np.column_stack((tau * turned, -tau * wave, cosine, sine, np.ones_like(tau), rubbed))
-        normal = columns.T @ columns
-        normal[[0, 1, 5], [0, 1, 5]] += (*weight**2, 1e-6)
-        gradient = columns.T @ left
-        gradient[:2] -= weight**2 * (pole - mean)
-        scale = np.sqrt(np.diag(normal))
-        move = np.linalg.solve(normal / np.outer(scale, scale), gradient / scale) / scale
-        pole, amplitudes = pole + move[:2], amplitudes + move[2:]
-    rms = math.sqrt(float(np.sum(left**2)) / max(tau.size - 5, 1))
-    return LocalRinging(ringing, float(amplitudes[2]), rms, from_s or 0.0, float(amplitudes[3]))

@@ -8,7 +8,7 @@ read there (`flight.edge_fit`): the ringing on one side, the foot on the ground 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,10 @@ from flight.edge_fit import Edge, mixed
 from flight.edge_model import TAKE_OFF, TOUCHDOWN, E
 from flight.edge_search import EndOfFlight, Scene, best_edge, look_at_end
 from flight.flight_search import Expectation, NoFlight, Stretch, find_flight
+from flight.flown import FlightFit as FlightFit
+from flight.flown import FlightTime as FlightTime
 from flight.heartbeat import Heartbeat, Stalled
+from flight.quality import afterwards, gap_at, has_gap, longest_gap_s
 from flight.record import HopRecord
 from flight.ringing import TwoMass
 from flight.settings import FlightSettings
@@ -28,8 +31,6 @@ Array = NDArray[np.float64]
 
 _REST_S = 0.5  # before the fire command, over which the sensor's rest is averaged
 _MOST_NOISE = 10.0  # over the data sheet's, of a robot that stands still
-_GAP_STEPS = 8.0  # a gap this many samples long hides what happens in it
-_EDGE_S = 0.004  # around an edge, in which a gap counts
 _FRICTION_IN_LEVEL = 0.1
 _RUBBING_M_S2 = 0.02  # dry friction over the body's mass that is told
 _EXPLAINED_CHI = 1.5  # misfit in contact that needs no other ground
@@ -42,56 +43,6 @@ _REJECTED_CHI = 60.0
 _REJECTED_BIAS = 0.1  # share of gravity by which the flight may read other than the weight taken away
 _DEGRADED_SIGMA_S = 2e-3
 _REJECTED_SIGMA_S = 2e-2
-
-
-@dataclass(frozen=True)
-class FlightFit:
-    """What the fit of a flight leaves for heights and energies; times from the fire command."""
-
-    take_off: Edge
-    touchdown: Edge
-    robot: TwoMass
-    share: LegShare
-    fall: FreeFall
-    level: Level
-    motion_m_s2: Array  # (n,) at the record's times: the body's specific force along the leg, bias taken off
-    rest_m_s2: float  # that motion at rest
-    noise_m_s2: float
-
-
-@dataclass(frozen=True)
-class FlightTime:
-    """A flight as seen by the accelerometer. Times on the record's clock.
-
-    Take-off and touchdown are where the foot leaves the ground and is back at the height at which it left.
-    `verdict` is `valid`, `degraded` (usable, with the reasons) or `rejected`. Compressions of the spring and
-    their rates, at both ends, come from the fitted ringing. `chi`: misfit of the ringing in noise sigmas.
-    """
-
-    verdict: str
-    reasons: tuple[str, ...]
-    take_off_s: float = math.nan
-    touchdown_s: float = math.nan
-    take_off_sigma_s: float = math.nan
-    touchdown_sigma_s: float = math.nan
-    static_m_s2: float = math.nan
-    static_sigma_m_s2: float = math.nan
-    offset_m_s2: float = math.nan
-    offset_sigma_m_s2: float = math.nan
-    compression_m: tuple[float, float] = (math.nan, math.nan)
-    compression_rate_m_s: tuple[float, float] = (math.nan, math.nan)
-    chi: float = math.nan
-    contact: str = ""
-    fit: FlightFit | None = field(default=None, repr=False, compare=False)
-
-    @property
-    def time_of_flight_s(self) -> float:
-        return self.touchdown_s - self.take_off_s
-
-    @property
-    def time_of_flight_sigma_s(self) -> float:
-        """The two ends are fitted to samples of their own: their errors are independent."""
-        return math.hypot(self.take_off_sigma_s, self.touchdown_sigma_s)
 
 
 def estimate_flight(
@@ -127,7 +78,7 @@ class _Estimate:
         if np.any(np.diff(self.times) <= 0.0):
             raise NoFlight("accelerometer times do not increase")
         after = np.diff(self.times[self.times > -0.02])
-        if np.any(after > _GAP_STEPS * float(np.median(np.diff(self.times)))):
+        if np.any(after > longest_gap_s(self.times)):
             self.doubts.append("a gap in the accelerometer's samples")
         if not record.complete:
             self.reasons.append("a sensor lost samples during the hop")
@@ -303,13 +254,14 @@ class _Estimate:
             self.reasons.append(f"the flight does not ring like this robot (misfit {chi:.0f} sigma)")
         if sigma_s > _REJECTED_SIGMA_S:
             self.reasons.append(f"time of flight known to {sigma_s * 1e3:.0f} ms only")
-        gap = self._gap_at(fit)
-        if gap:
-            self.reasons.append(gap)
-        if off or gap or chi > _REJECTED_CHI or sigma_s > _REJECTED_SIGMA_S:
+        edges_s = (fit.take_off.time_s, fit.touchdown.time_s)
+        gap = gap_at(self.times, dict(zip(("take-off", "touchdown"), edges_s, strict=True)))
+        after = afterwards(self.times, self.motion, self.expected, self.noise, edges_s)
+        self.reasons += [reason for reason in (gap, after) if reason]
+        if off or gap or after or chi > _REJECTED_CHI or sigma_s > _REJECTED_SIGMA_S:
             self.reasons += self.doubts
             return "rejected"
-        if self._gap_in(-0.02, fit.touchdown.time_s):
+        if has_gap(self.times, -0.02, fit.touchdown.time_s):
             self.reasons.append("a gap in the accelerometer's samples")
         rubs = max(abs(float(edge.parameters[E.FRICTION])) for edge in (fit.take_off, fit.touchdown))
         if rubs > _RUBBING_M_S2:
@@ -321,17 +273,3 @@ class _Estimate:
         if sigma_s > _DEGRADED_SIGMA_S:
             self.reasons.append(f"time of flight known to {sigma_s * 1e3:.1f} ms only")
         return "degraded" if self.reasons else "valid"
-
-    def _gap_in(self, first_s: float, last_s: float) -> bool:
-        inside = self.times[(self.times > first_s) & (self.times < last_s)]
-        return bool(np.max(np.diff(inside)) > _GAP_STEPS * float(np.median(np.diff(self.times))))
-
-    def _gap_at(self, fit: FlightFit) -> str:
-        """An edge that lies in, or right beside, a gap of the samples was guessed, not seen."""
-        steps = np.diff(self.times)
-        longest = _GAP_STEPS * float(np.median(steps))
-        for index in np.flatnonzero(steps > longest).tolist():
-            for name, edge in (("take-off", fit.take_off), ("touchdown", fit.touchdown)):
-                if self.times[index] - _EDGE_S < edge.time_s < self.times[index + 1] + _EDGE_S:
-                    return f"a gap in the accelerometer's samples at {name}"
-        return ""

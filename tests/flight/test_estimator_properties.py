@@ -139,6 +139,25 @@ def rebuilt(record: HopRecord, cuts: list[int]) -> HopRecord:
     return recorder.record(record.fire_s)
 
 
+@FEW
+@given(seeds, st.integers(100, 1000), st.integers(2, 40))
+def test_batches_in_the_wrong_order_are_refused(seed: int, at: int, length: int) -> None:
+    record = seen(seed=seed)
+    order = np.arange(record.times_s.size)
+    order[at : at + 2 * length] = np.roll(order[at : at + 2 * length], length)
+    flight = estimate_flight(
+        replace(
+            record,
+            times_s=record.times_s[order],
+            specific_force_m_s2=record.specific_force_m_s2[order],
+            saturated=record.saturated[order],
+        ),
+        SETTINGS,
+    )
+    assert flight.verdict == "rejected"
+    assert "times do not increase" in flight.reasons[0]
+
+
 def test_more_noise_never_narrows_the_intervals() -> None:
     for seed in range(4):
         sigmas = []

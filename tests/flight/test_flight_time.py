@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hop_records import record_of, seen
-from two_mass import CLAY, SAND, STEEL, SYAR, Ground, TwoMassHop
+from two_mass import CLAY, SAND, STEEL, SYAR, Array, Ground, TwoMassHop
 
 from flight import settings as flight_settings
 from flight.evaluation import evaluate_hop
@@ -211,6 +211,36 @@ def test_a_gap_at_an_end_of_the_flight_is_rejected(end: str) -> None:
     flight = estimate_flight(cut(record, np.abs(record.times_s - at_s) > 0.008), SETTINGS)
     assert flight.verdict == "rejected"
     assert any("a gap" in reason for reason in flight.reasons)
+
+
+def followed(record: HopRecord, force_m_s2: Array) -> HopRecord:
+    """The record, and after its end more samples of the accelerometer."""
+    step_s = float(np.median(np.diff(record.times_s)))
+    more = record.times_s[-1] + step_s * np.arange(1, force_m_s2.size + 1)
+    return replace(
+        record,
+        times_s=np.concatenate((record.times_s, more)),
+        specific_force_m_s2=np.concatenate((record.specific_force_m_s2, force_m_s2)),
+        saturated=np.concatenate((record.saturated, np.zeros(more.size, dtype=np.bool_))),
+    )
+
+
+def test_a_robot_that_lies_on_its_side_after_the_hop_is_rejected_and_one_that_stands_is_not() -> None:
+    rng = np.random.Generator(np.random.PCG64(21))
+    record = record_of(TwoMassHop(0.03, SAND, duration_s=0.75), rng)
+    quiet = 8.874 + rng.normal(0.0, 0.035, 700)
+    assert estimate_flight(followed(record, quiet), SETTINGS).verdict == "valid"
+    flight = estimate_flight(followed(record, 0.3 * quiet), SETTINGS)
+    assert flight.verdict == "rejected"
+    assert "fell over" in flight.reasons[0]
+
+
+def test_a_second_hop_in_the_record_is_rejected() -> None:
+    rng = np.random.Generator(np.random.PCG64(22))
+    record = record_of(TwoMassHop(0.03, SAND, duration_s=0.75), rng)
+    flight = estimate_flight(followed(record, record.specific_force_m_s2), SETTINGS)
+    assert flight.verdict == "rejected"
+    assert "a second flight" in flight.reasons[0]
 
 
 def test_lost_samples_degrade_the_verdict() -> None:
