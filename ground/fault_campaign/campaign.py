@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import multiprocessing
 from collections import Counter
@@ -12,9 +13,12 @@ from itertools import count, islice
 from pathlib import Path
 from typing import Any
 
+from flight import settings as flight_settings
+from flight.surface.known import load_surfaces
 from ground.fault_campaign.drawing import CampaignSettings, draw_case
 from ground.fault_campaign.flying import fly_case
 from ground.fault_campaign.hazards import HAZARDS
+from hal.config import config_path, read_yaml
 from hal.errors import ConfigError
 
 CASES_NAME = "cases.jsonl"
@@ -62,17 +66,18 @@ def run_campaign(
 ) -> CampaignResult:
     """Fly cases until `wanted` faults have made a difference; `show` is told a text and how many there are by now.
 
-    Cases already in `folder` count. Raises `ConfigError` when those are of another seed.
+    Cases already in `folder` count. Raises `ConfigError` when those are of another seed or of other settings.
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / CASES_NAME
-    rows = _kept(path, seed)
+    stamp = _stamp(settings, seed)
+    rows = _kept(path, stamp)
     planted = sum(len(row["case"]["faults"]) for row in rows)
     done = {row["case"]["index"] for row in rows}
     with path.open("a", encoding="utf-8") as file:
         for row in _flown(settings, seed, done, processes) if planted < wanted else ():
             rows.append(row)
-            file.write(json.dumps({"seed": seed, **row}) + "\n")
+            file.write(json.dumps({**stamp, **row}) + "\n")
             file.flush()
             planted += len(row["case"]["faults"])
             hazards = sum(bool(each["hazards"]) for each in rows)
@@ -85,7 +90,13 @@ def run_campaign(
     return CampaignResult(tuple(rows))
 
 
-def _kept(path: Path, seed: int) -> list[dict[str, Any]]:
+def _stamp(settings: CampaignSettings, seed: int) -> dict[str, Any]:
+    """What all cases of one campaign share: seed, and a digest of all that they were drawn and flown with."""
+    given = (settings, flight_settings.load(), load_surfaces(), read_yaml(config_path("boards", "sim.yaml")))
+    return {"seed": seed, "settings": hashlib.sha256(repr(given).encode()).hexdigest()[:16]}
+
+
+def _kept(path: Path, stamp: dict[str, Any]) -> list[dict[str, Any]]:
     if not path.exists():
         return []
     rows: list[dict[str, Any]] = []
@@ -93,12 +104,11 @@ def _kept(path: Path, seed: int) -> list[dict[str, Any]]:
         try:
             row = json.loads(line)
         except ValueError:
-            path.write_text(
-                "".join(json.dumps({"seed": seed, **kept}) + "\n" for kept in rows), encoding="utf-8"
-            )
+            path.write_text("".join(json.dumps({**stamp, **kept}) + "\n" for kept in rows), encoding="utf-8")
             break  # the last line of a campaign that was cut
-        if row.pop("seed") != seed:
-            raise ConfigError(f"{path}:{number}: is of another seed than {seed}; choose another folder")
+        for key, value in stamp.items():
+            if row.pop(key, None) != value:
+                raise ConfigError(f"{path}:{number}: is of other {key} than {value}; choose another folder")
         rows.append(row)
     return rows
 

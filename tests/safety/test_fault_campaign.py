@@ -147,8 +147,10 @@ def test_a_campaign_goes_on_where_it_was_stopped_and_counts_all(
     assert result.hazards["log_lost"] == 1
     assert len(path.read_text(encoding="utf-8").splitlines()) == 5
     assert shown == [2.0, 4.0, 6.0, 8.0, 10.0]
-    with pytest.raises(ConfigError, match="of another seed"):
+    with pytest.raises(ConfigError, match="of other seed than 2"):
         campaign.run_campaign(SETTINGS, 10, 2, tmp_path, 1, lambda text, done: None)
+    with pytest.raises(ConfigError, match="of other settings than"):
+        campaign.run_campaign(replace(SETTINGS, horizon_s=1.0), 10, 1, tmp_path, 1, lambda text, done: None)
 
 
 def test_the_figures_are_those_of_the_rows() -> None:
