@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from ground.fault_campaign import campaign
+from ground.fault_campaign import campaign, flying
 from ground.fault_campaign.drawing import PlantedFault, draw_case, load_campaign
 from ground.fault_campaign.flying import fly_case
 from ground.fault_campaign.hazards import Release, Witness, judge_releases, judge_reports
@@ -163,3 +163,22 @@ def test_the_figures_are_those_of_the_rows() -> None:
     assert (values["faults"], values["hazards"], values["without_effect"]) == (2, 1, 1)
     assert values["came_to_nothing"] == 3
     json.dumps(found)
+
+
+def test_a_robot_without_its_protection_is_seen_to_be_dangerous(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same fault, with the flight software as it is and with the monitors taken away that answer it."""
+    fault = PlantedFault("spring", "scale", 0.0, None, 0.75)
+    case = replace(draw_case(SETTINGS, 0, 1), faults=(fault,), energy_j=0.8, loaded=False, nut_m=0.0)
+    guarded = fly_case(SETTINGS, case)
+    assert (guarded.releases, guarded.hazards) == (0, ())
+    flight, surfaces, found = flying._given()
+    blind = {
+        name: replace(rule, above=1e4) if name in ("spring_disagrees_with_encoder", "string_broken") else rule
+        for name, rule in flight.monitors.items()
+    }
+    trusting = replace(flight.safety, latch_check_slope_tolerance=0.9)
+    bare = replace(flight, monitors=blind, safety=trusting)
+    monkeypatch.setattr(flying, "_given", lambda: (bare, surfaces, found))
+    unguarded = fly_case(SETTINGS, case)
+    assert unguarded.releases == 1
+    assert "wrong_energy_fired" in unguarded.hazards
