@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Protocol
 
 import serial
@@ -73,9 +74,9 @@ class SerialLine:
 
     def write(self, data: bytes) -> int:
         """Hand over what fits now."""
-        try:
-            return int(self._port.write(data) or 0)
-        except serial.SerialTimeoutException:
+        try:  # the port's own write goes round in circles for as long as a line is full
+            return os.write(self._port.fileno(), data)
+        except BlockingIOError:
             return 0
         except (serial.SerialException, OSError) as error:
             raise DeviceError(f"{self._port.port}: {error}") from error
