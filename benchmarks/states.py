@@ -7,10 +7,17 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 from flight import settings as flight_settings
 from ground.state_space import explore
+
+
+def tell(done: int, waiting: int) -> None:
+    """Show how far it is, now and then."""
+    if done % 50 == 0:
+        print(f"{done} states explored, {waiting} wait", file=sys.stderr, flush=True)
 
 
 def main() -> None:
@@ -18,7 +25,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Explore the state machine with its interlocks.")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
-    found = explore(flight_settings.load())
+    found = explore(flight_settings.load(), show=tell)
     unsafe = sum(found.unsafe.values())
     counts = {
         "states": found.states,

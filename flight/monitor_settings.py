@@ -18,6 +18,8 @@ STARTED = frozenset(Phase) - STARTING
 
 GROUPS: dict[str, frozenset[Phase]] = {
     "all": frozenset(Phase) - {Phase.EVALUATE},  # the tick after an evaluation comes as late as that took
+    # what relaxing answers must not end it: the robot would stop with its spring loaded
+    "not_relaxing": frozenset(Phase) - {Phase.EVALUATE, Phase.DE_TENSION},
     "started": STARTED,
     "working": STARTED - {Phase.DE_TENSION, Phase.SAFE},
     "moving": MOVING,

@@ -30,11 +30,15 @@ def _clock_step_s(machine: Machine, snap: Snapshot, settings: FlightSettings) ->
 
 
 def _disobedience_v(machine: Machine, snap: Snapshot, settings: FlightSettings) -> float | None:
-    """How far the motor's own circuit is from the voltage commanded; unknown without fresh readings."""
+    """How far the motor's own circuit is from the voltage that it can have; unknown without fresh readings.
+
+    A supply that sags has a monitor of its own, which lets the motor relax the spring with what there is.
+    """
     if max(snap.age_s("nut_encoder"), snap.age_s("motor_current")) > settings.safety.firing_age_s:
         return None
+    most_v = abs(machine.voltage_v) if snap.supply_v is None else max(snap.supply_v, 0.0)
     return tensioning.disobedience_v(
-        machine.voltage_v, snap.motor_current_a, machine.speed_m_s, settings.drive
+        max(-most_v, min(most_v, machine.voltage_v)), snap.motor_current_a, machine.speed_m_s, settings.drive
     )
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
 
@@ -117,15 +117,23 @@ class Exploration:
 
 
 def explore(
-    settings: FlightSettings, alphabet: Alphabet | None = None, *, until_unsafe: bool = False
+    settings: FlightSettings,
+    alphabet: Alphabet | None = None,
+    *,
+    until_unsafe: bool = False,
+    show: Callable[[int, int], None] = lambda done, waiting: None,
 ) -> Exploration:
-    """Take every step from every reachable state; with `until_unsafe`, until something unsafe is found."""
+    """Take every step from every reachable state; with `until_unsafe`, until something unsafe is found.
+
+    `show` is told, state by state, how many are done and how many wait.
+    """
     alphabet = alphabet or Alphabet()
     settings, worlds, all_orders = _quick(settings), tuple(alphabet.worlds()), tuple(alphabet.orders())
     found, seen, waiting = Exploration(), {_key(Machine())}, deque([Machine()])
     while waiting and not (until_unsafe and found.unsafe):
         state = waiting.popleft()
         found.states += 1
+        show(found.states, len(waiting))
         found.phases.add(state.phase)
         for world in worlds:
             machine, snap = _concrete(state, world, settings)
