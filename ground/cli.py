@@ -15,6 +15,7 @@ from flight import settings as flight_settings
 from flight.executive import Progress
 from ground import console
 from ground.campaign_cli import campaign_app
+from ground.demo_cli import demo_app
 from ground.diagnose.pipeline import Outcome, diagnose, write_outcome
 from ground.diagnose.segments import channel_sigmas, segment_of, sigma_vector
 from ground.diagnose.verify import predict
@@ -47,6 +48,7 @@ app.add_typer(plant_app, name="plant")
 app.add_typer(campaign_app, name="campaign")
 add_paper_commands(app)
 app.registered_commands += link_app.registered_commands
+app.add_typer(demo_app, name="demo")
 
 Json = Annotated[bool, typer.Option("--json", help="Print the answer as JSON, for machines.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
