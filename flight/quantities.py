@@ -86,6 +86,14 @@ def _disagreement_m(machine: Machine, snap: Snapshot, settings: FlightSettings) 
     return abs(snap.compression_m - wound_m) - settings.safety.disagreement_share * abs(wound_m)
 
 
+def _compression_doubt(machine: Machine, snap: Snapshot, settings: FlightSettings) -> float | None:
+    """Share by which the compression to be fired with is in doubt: fused against encoder, beyond the noise."""
+    wound_m = _by_encoder_m(machine, snap, settings)
+    if wound_m is None or wound_m < 2.0 * settings.safety.unloaded_compression_m:
+        return None
+    return max(0.0, abs(machine.compression_m - wound_m) - settings.sensors.spring_drive_noise_m) / wound_m
+
+
 def _compression_at_home_m(machine: Machine, snap: Snapshot, settings: FlightSettings) -> float | None:
     """Compression while the home switch is closed, where there should be none."""
     return snap.compression_m if snap.at_home else None
@@ -131,6 +139,7 @@ QUANTITIES: dict[str, Quantity] = {
     "early_release": lambda machine, snap, settings: float(not snap.latch_closed),
     "string_broken": _share_lost,
     "spring_disagrees_with_encoder": _disagreement_m,
+    "stored_energy_uncertain": _compression_doubt,
     "home_switch_stuck": _compression_at_home_m,
     "accelerometer_stuck": lambda machine, snap, settings: float(machine.same_force.repeats),
     "accelerometer_implausible": _unrest_m_s2,

@@ -111,6 +111,7 @@ CASES: dict[str, Case] = {
     "early_release": Case(H, of_snap("latch_closed"), True, False),
     "string_broken": Case(H, of_snap("compression_m"), 0.62 * S_M, 0.55 * S_M),
     "spring_disagrees_with_encoder": Case(H, of_snap("compression_m"), 0.91 * S_M, 1.11 * S_M),
+    "stored_energy_uncertain": Case(H, of_machine("compression_m"), 1.019 * S_M, 0.978 * S_M),
     "home_switch_stuck": Case(
         Phase.HOMING, lambda s: ({}, {"at_home": True, "compression_m": s}), 0.001, 0.002
     ),
