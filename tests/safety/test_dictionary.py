@@ -29,12 +29,23 @@ EVENTS, COMMANDS = dictionary().events, dictionary().commands
 def calls() -> Iterator[tuple[str, str, str]]:
     """(place, function, text) of each call in the code with a literal text among its arguments."""
     for path in sorted(file for package in PACKAGES for file in (ROOT / package).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        others = set(foreign(tree))
+        for node in ast.walk(tree):
             if isinstance(node, ast.Call):
                 function = getattr(node.func, "attr", getattr(node.func, "id", ""))
+                if function in others:
+                    continue
                 for argument in node.args:
                     if isinstance(argument, ast.Constant) and isinstance(argument.value, str):
                         yield f"{path.relative_to(ROOT)}:{node.lineno}", function, argument.value
+
+
+def foreign(tree: ast.AST) -> Iterator[str]:
+    """Names that a module has from elsewhere than the flight software, such as the `Event` of a recording."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and not (node.module or "").startswith(("flight", "hal")):
+            yield from (name.asname or name.name for name in node.names)
 
 
 def unknown(found: Iterator[tuple[str, str, str]]) -> list[tuple[str, str]]:
