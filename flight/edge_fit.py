@@ -18,9 +18,10 @@ Array = NDArray[np.float64]
 
 _MAX_STEPS = 25
 _ENOUGH = 0.02  # of the cost: a step that gains less ends the fit
+_ENOUGH_SHARE = 0.02  # of what a fit that explains little costs beyond one that explains all
 _GIVE_UP_DAMPING = 1e3
 _HOPELESS = (2, 50.0)  # after so many steps, a fit so much worse than the best is left alone
-_MOST_MOVE_S = 2e-3  # of an edge, in one step
+_MOST_MOVE_S, _FURTHEST_S = 2e-3, 0.012  # of an edge: in one step, and from where it was first put
 _SAME_S = 3e-5  # so close, two fits are one
 _SOIL_LOG = 14.2  # of stiffness over leg mass [1/s^2]: soils stay below
 _ROUGH = (0.1, 0.03)  # share of what soft and hard ground adds that a start may miss
@@ -102,7 +103,8 @@ def fit_edges(data: EdgeData, starts: Array, heartbeat: Heartbeat) -> list[Edge]
             )
             costs[better] = trial_costs[good]
             damping[now] *= np.where(good, 0.1, 10.0)
-            running[now] = np.where(good, gains > _ENOUGH, damping[now] < _GIVE_UP_DAMPING)
+            enough = _ENOUGH + _ENOUGH_SHARE * np.maximum(costs[now] - 2.0 * data.times_s.size, 0.0)
+            running[now] = np.where(good, gains > enough, damping[now] < _GIVE_UP_DAMPING)
     kept = np.flatnonzero(np.isfinite(costs))
     normal = jacobian[kept].swapaxes(1, 2) @ jacobian[kept] + np.diag(weight**2)
     scale = np.sqrt(np.einsum("sii->si", normal))
@@ -123,9 +125,11 @@ def _moves(data: EdgeData, points: Array, left: Array, jacobian: Array, damping:
     lifted = normal / (scale[:, :, None] * scale[:, None, :]) + damping[:, None, None] * np.eye(
         scale.shape[1]
     )
-    return np.asarray(
-        np.linalg.solve(lifted, (gradient / scale)[..., None])[..., 0] / scale, dtype=np.float64
-    )
+    moves = np.linalg.solve(lifted, (gradient / scale)[..., None])[..., 0] / scale
+    off_s = points[:, E.TIME] - data.prior_mean[E.TIME]
+    limited = np.clip(moves[:, E.TIME], -_MOST_MOVE_S, _MOST_MOVE_S)
+    moves[:, E.TIME] = np.clip(off_s + limited, -_FURTHEST_S, _FURTHEST_S) - off_s
+    return np.asarray(moves, dtype=np.float64)
 
 
 def _costs(data: EdgeData, left: Array, jacobian: Array, points: Array) -> Array:

@@ -85,7 +85,8 @@ def _with_height(
     gravity = measured_gravity(flight, settings, hop_index)
     rig = weighed(replace(rig, gravity_m_s2=gravity), fit, hop_index)
     try:
-        push = find_push(record, fit, seen.compression_m.value)
+        least_a = settings.rig.release_current_a * (1.0 - 3.0 * settings.rig.release_current_std_share)
+        push = find_push(record, fit, seen.compression_m.value, least_a)
     except NoPush as error:
         return replace(seen, flight=_rejected(flight, str(error)))
     share = energy.c1_expected(rig)

@@ -56,12 +56,15 @@ class Push:
         return float(_cumulative(self.times_s, speed_m_s - (gained[-1] - gained))[-1])
 
 
-def find_push(record: HopRecord, fit: FlightFit, held_m: float) -> Push:
-    """The push of a hop; `held_m` is the spring's compression before. Raises `NoPush`."""
+def find_push(record: HopRecord, fit: FlightFit, held_m: float, least_current_a: float = 0.0) -> Push:
+    """The push of a hop; `held_m` is the spring's compression before. Raises `NoPush`.
+
+    The lock does not open before the magnet's current has reached `least_current_a`.
+    """
     end = fit.take_off.time_s
     ringing, share = fit.take_off.ringing, fit.robot.leg_share
     jump = share * ringing.stiffness_1_s2 * held_m
-    bracket = _opening_bracket(record, fit, jump)
+    bracket = _with_current(record, _opening_bracket(record, fit, jump), least_current_a)
     times, pushing = _merged(record, fit, held_m, bracket)
     inside = (times >= bracket[1]) & (times < end)
     if int(inside.sum()) < 3:
@@ -84,6 +87,18 @@ def _opening_bracket(record: HopRecord, fit: FlightFit, jump: float) -> tuple[fl
     if moving.size == 0 or moving[0] == 0:
         raise NoPush("no push is seen between the fire command and take-off")
     return float(times[moving[0] - 1]), float(times[moving[0]])
+
+
+def _with_current(
+    record: HopRecord, bracket: tuple[float, float], least_current_a: float
+) -> tuple[float, float]:
+    """The bracket of the opening, begun no earlier than the magnet could open the lock, as its current shows."""
+    times = record.magnet_times_s - record.fire_s
+    enough = np.flatnonzero((times > 0.0) & (record.magnet_current_a >= least_current_a))
+    if not enough.size or enough[0] == 0:
+        return bracket
+    earliest = float(times[enough[0] - 1])
+    return (earliest, bracket[1]) if bracket[0] < earliest < bracket[1] else bracket
 
 
 def _merged(
@@ -150,7 +165,8 @@ def _onset(
     likely = np.exp(-0.5 * (errors - errors[best]) / variance)
     mean = float(likely @ candidates / likely.sum())
     spread = math.sqrt(float(likely @ (candidates - mean) ** 2 / likely.sum()))
-    return mean, math.hypot(spread, _ONSET_ERROR_S)
+    grid_s = (bracket[1] - bracket[0]) / ((_CANDIDATES - 1) * math.sqrt(12.0))
+    return mean, math.hypot(spread, grid_s, _ONSET_ERROR_S)
 
 
 def _cumulative(t: Array, y: Array) -> Array:

@@ -58,6 +58,8 @@ class RigSettings:
     spring_damping_std_share: Share
     series_stiffness_n_m: Positive
     series_stiffness_std_share: Share
+    release_current_a: Positive
+    release_current_std_share: Share
     vertical: VerticalRig | None = None
     arm: ArmRig | None = None
 

@@ -14,6 +14,7 @@ from flight import settings as flight_settings
 from flight.evaluation import evaluate_hop
 from flight.flight_time import estimate_flight
 from flight.heartbeat import Heartbeat
+from flight.push import find_push
 from flight.record import HopRecord, HopRecorder
 from flight.ringing import Ringing, TwoMass
 from hal.readings import SpecificForce, SpringCompression
@@ -287,3 +288,18 @@ def test_the_recorder_joins_batches_and_notices_lost_samples() -> None:
     assert record.complete  # what was lost before the record is not missing in it
     recorder.add(SpecificForce((0.5,), (8.0,), (), overrun=True), None, None)
     assert not recorder.record(0.05).complete
+
+
+def test_the_magnets_current_says_when_the_lock_cannot_have_opened_yet() -> None:
+    """Where noise and lost samples leave the opening open for milliseconds, the current narrows it."""
+    hop, opening_s = TwoMassHop(0.03, SAND, duration_s=0.75), 0.0069
+    record = record_of(hop, np.random.Generator(np.random.PCG64(31)), opening_s=opening_s)
+    record = cut(record, (record.times_s < 0.001) | (record.times_s > 0.0075))
+    estimated = estimate_flight(record, SETTINGS).fit
+    assert estimated is not None
+    fit = replace(estimated, noise_m_s2=50.0)  # of a sensor that tells next to nothing
+    current = 1.5 * -np.expm1(-record.spring_times_s.clip(0.0) / 0.0075)
+    seen_current = replace(record, magnet_times_s=record.spring_times_s, magnet_current_a=current)
+    without, with_current = find_push(record, fit, 0.03, 0.765), find_push(seen_current, fit, 0.03, 0.765)
+    assert with_current.opening_sigma_s < 0.7 * without.opening_sigma_s
+    assert abs(with_current.times_s[0] - opening_s) < 2.5 * with_current.opening_sigma_s
