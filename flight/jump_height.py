@@ -68,7 +68,7 @@ def jump_height(
         "leg_share": leg_share,
         "held_m": compression_m,
     }
-    by_flight = _through(lambda x: _speed(x, fit), at, sources)
+    by_flight = _through(lambda x: _speed(x, fit, at.take_off_s), at, sources)
     body_lag = leg_share.value * flight.compression_rate_m_s[0]
     gained = push.gained_m_s
     sigma = math.hypot(push.first_m_s2 * push.opening_sigma_s, sensors.scale_std_share * gained)
@@ -79,12 +79,14 @@ def jump_height(
     speed = by_flight * (1.0 - weight) + by_push * weight
 
     def height(x: _Inputs) -> float:
-        by = _speed(x, fit)
-        return _height(x, by + weight * (by_push.value - by), fit, push)
+        by = _speed(x, fit, at.take_off_s)
+        return _height(x, by + weight * (by_push.value - by), fit, push, at.take_off_s)
 
     through_flight = _through(height, at, sources)
     lifted = (
-        (height(at) - _height(at, by_flight.value, fit, push)) / (weight * -apart) if weight * apart else 0.0
+        (height(at) - _height(at, by_flight.value, fit, push, at.take_off_s)) / (weight * -apart)
+        if weight * apart
+        else 0.0
     )
     total = through_flight + Uncertain.of(0.0, lifted * weight * sigma, f"push#{hop_index}")
     total = total.with_part(f"rise#{hop_index}", evaluation.rise_error_m)
@@ -105,8 +107,12 @@ def _through(
     return combine(value, *terms)
 
 
-def _speed(x: _Inputs, fit: FlightFit) -> float:
-    """Speed of the centre of mass at take-off, from the flight."""
+def _speed(x: _Inputs, fit: FlightFit, at_s: float) -> float:
+    """Speed of the centre of mass at a time, from the flight.
+
+    It is asked for at a fixed time, not at take-off: a foot that leaves later leaves at a speed that has become less,
+    and nothing else is changed by that.
+    """
     robot = replace(fit.robot, leg_share=x.leg_share)
     hung = [
         edge.ringing.compression(at_s, robot)[0]
@@ -114,16 +120,17 @@ def _speed(x: _Inputs, fit: FlightFit) -> float:
     ]
     fall = replace(fit.fall, gravity_m_s2=x.gravity_m_s2, slope_m_s3=x.slope_m_s3)
     rise = (1.0 - x.leg_share) * (hung[0] - hung[1])
-    return fall.take_off_speed_m_s(x.take_off_s, x.touchdown_s - x.take_off_s, rise)
+    speed = fall.take_off_speed_m_s(x.take_off_s, x.touchdown_s - x.take_off_s, rise)
+    return speed + x.gravity_m_s2 * (x.take_off_s - at_s)
 
 
-def _height(x: _Inputs, speed: float, fit: FlightFit, push: Push) -> float:
-    """Apex above the start: the body's rise on the spring, the leg's share in it, and the flight."""
+def _height(x: _Inputs, speed: float, fit: FlightFit, push: Push, at_s: float) -> float:
+    """Apex above the start: until `at_s` the body's rise on the spring and the leg's share in it, then the flight."""
     robot = replace(fit.robot, leg_share=x.leg_share)
     ringing = fit.take_off.ringing
-    hung, rate = ringing.compression(x.take_off_s, robot)
+    hung, rate = ringing.compression(at_s, robot)
     held = x.held_m + x.gravity_m_s2 / (x.leg_share * ringing.stiffness_1_s2)
     rise = push.rise_m(speed - x.leg_share * rate) + x.leg_share * (hung - held)
     up_s = speed / x.gravity_m_s2
-    slowed = x.slope_m_s3 * (up_s**3 / 6.0 + 0.5 * (x.take_off_s - fit.fall.middle_s) * up_s**2)
+    slowed = x.slope_m_s3 * (up_s**3 / 6.0 + 0.5 * (at_s - fit.fall.middle_s) * up_s**2)
     return rise + 0.5 * speed**2 / x.gravity_m_s2 + slowed
