@@ -143,14 +143,20 @@ class EffectCandidate:
     def statement(self, estimates: Mapping[str, Estimate]) -> str:
         """The effect's sentence, sizes with sigma and unit."""
         sizes = {
-            name: f"{e.value:.3g} ± {e.std:.1g} {e.unit if e.unit != '1' else ''}".rstrip()
-            for name, e in estimates.items()
+            name: f"{sized(e)} {e.unit if e.unit != '1' else ''}".rstrip() for name, e in estimates.items()
         }
         return self.effect.template(sizes).format(**sizes)
 
     def formula(self, plant: Plant) -> str:
         """The effect's law in the form in which it acts here."""
         return formula_text(check_use(plant, self.uses[0]))
+
+
+def sized(estimate: Estimate) -> str:
+    """A parameter with its sigma; one that may as well be anything only about."""
+    if estimate.std > abs(estimate.value):
+        return f"about {estimate.value:.2g}"
+    return f"{estimate.value:.3g} ± {estimate.std:.1g}"
 
 
 def formula_text(form: Form) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from ground.diagnose.accept import likelihood_here
 from ground.diagnose.ask import propose
 from ground.diagnose.candidates import Candidate
+from ground.diagnose.combinations import told_combinations, untold
 from ground.diagnose.crossval import in_sample
 from ground.diagnose.evidence import LocatedForce
 from ground.diagnose.fit import Fit
 from ground.diagnose.name import Chosen, Named
-from ground.diagnose.result import Alternative, Finding, Interval, Verdict
+from ground.diagnose.result import Alternative, Estimate, Finding, Interval, Verdict
 from ground.diagnose.scoring import whiteness_p
 from ground.diagnose.segments import Segment
 
@@ -67,9 +68,23 @@ def finding_of(
         physics_id=candidate.physics_id,
         probability=own,
         alternatives=tuple(Alternative(c.physics_id, w) for c, w in rivals if c is not candidate),
-        statement=candidate.statement(parameters),
+        statement=statement_of(candidate, parameters, fit, segments),
         formula=candidate.formula(fit.plant),
         parameters=parameters,
+    )
+
+
+def statement_of(
+    candidate: Candidate, parameters: Mapping[str, Estimate], fit: Fit, segments: Sequence[Segment]
+) -> str:
+    """The effect in words; of parameters that are not told each by itself, the combinations that are."""
+    text = candidate.statement(parameters)
+    vague = [name for name, e in parameters.items() if untold(e)]
+    if not vague:
+        return text
+    told = told_combinations(candidate.key, parameters, fit, segments)
+    return f"{text} These recordings hardly tell {' and '.join(vague)} alone" + (
+        f"; they do tell {' and '.join(told)}." if told else "."
     )
 
 

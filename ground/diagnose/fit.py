@@ -59,6 +59,13 @@ class Fit:
         slope = self.jacobian.T @ self.residuals + self.prior * self.z
         return ((self.z <= low) & (slope > 0.0)) | ((self.z >= high) & (slope < 0.0))
 
+    def covariance_of(self, names: Sequence[str], segments: Sequence[Segment]) -> Float:
+        """Covariance of named parameters, (names, names)."""
+        at = [next(i for i, free in enumerate(self.free) if free.name == name) for name in names]
+        scale = np.array([self.free[i].scale for i in at])
+        whole = robust_covariance(self.jacobian, self.residuals, self.prior, segments)
+        return np.asarray(whole[np.ix_(at, at)] * np.outer(scale, scale))
+
     def std_given(self, known: Sequence[str], segments: Sequence[Segment]) -> dict[str, float]:
         """Sigma of each other named parameter, were those named in `known` known."""
         left = [i for i, free in enumerate(self.free) if free.name not in known]

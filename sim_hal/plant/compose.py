@@ -212,6 +212,10 @@ def _places(structure: Structure, balance: Balance) -> dict[str, Node]:
     return {name: node for name, node in found.items() if node is not None}
 
 
+#: Units of a rotation, whose dimension does not show that it is one.
+ANGULAR = {("velocity", unit_text(dimension("1/s"))): "rad/s", ("position", unit_text(PURE)): "rad"}
+
+
 def place_units(plant: Plant, use: EffectUse, form: Form) -> dict[str, str]:
     """Unit of each of the effect's parameters at its place; raises `PlantError` where it does not fit."""
     effect = effect_of(plant, use)
@@ -223,7 +227,8 @@ def place_units(plant: Plant, use: EffectUse, form: Form) -> dict[str, str]:
             found[item.name] = text
             continue
         try:
-            found[item.name] = unit_text(dimension(text))
+            unit = unit_text(dimension(text))
+            found[item.name] = ANGULAR.get((item.unit, unit), unit)
         except UnitError as error:
             raise PlantError(f"{plant.source}: effects: {use.physics_id}.{item.name}: {error}") from None
     return found
