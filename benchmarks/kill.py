@@ -88,6 +88,20 @@ class Resting:
         self._clock.sleep_until_s(time_s)
 
 
+class Kept(FileMemory):
+    """The robot's memory. What it disarms is no longer armed from the moment at which it begins to say so."""
+
+    def __init__(self, path: Path, page: mmap.mmap) -> None:
+        super().__init__(path)
+        self._page = page
+
+    def write(self, text: str) -> None:
+        """Keep a record."""
+        if not json.loads(text)["armed"]:
+            replace(Truth.read(self._page), armed=False).write(self._page)
+        super().write(text)
+
+
 class Tap:
     """Keeps the page in step with world and log; is the log sink of the flight software."""
 
@@ -136,7 +150,7 @@ def live(folder: Path, number: int, page: mmap.mmap, energy_j: float, seed: int)
             replace(Truth.read(page), armed=armed).write(page)
 
         opened.rig.witnesses.append(look)
-        memory = FileMemory(folder / "spring")
+        memory = Kept(folder / "spring", page)
         board = replace(opened, memory=memory, clock=Resting(opened.clock, log))
         fly(tap_board(board, tap), settings, MissionPlan("kill", (HopPlan(energy_j, "steel"),)), tap, watch)
 
@@ -176,7 +190,9 @@ def judge(folder: Path, number: int, truth: Truth, figures: dict[str, float]) ->
     except (ReadFailed, ValueError):
         record = {"loaded": False, "armed": False}
     lost = truth.compression_m > LOADED_M and not record["loaded"]
-    figures["lost_arming"] += lost or (truth.armed and not record["armed"])
+    if lost or (truth.armed and not record["armed"]):
+        figures["lost_arming"] += 1
+        print(f"life {number}: the memory says {record}, but {truth}")
     path = folder / f"{number}.mcap"
     if truth.logged_s < 0.0:
         return  # killed before the first message
