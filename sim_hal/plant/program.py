@@ -50,7 +50,7 @@ _ARITHMETIC = (
 )
 _CHOICES = ("min", "max", "where", "<", "<=", ">", ">=", "and", "or", "not", "since", "square")
 
-#: Operation codes of the machine; `engine.py` executes them.
+#: Operation codes of the machine; `engine.machine` executes them.
 OPCODES: Mapping[str, int] = {name: code for code, name in enumerate((*_ARITHMETIC, *_CHOICES))}
 
 #: Functions of a kink where their arguments meet (or theirs meets 0).
