@@ -116,20 +116,28 @@ def balance(w: Floats2, n: int, a: int, scale: int) -> None:
     for i in range(n):
         w[scale, i] = 1.0
     for _ in range(8):
+        settled = True
         for i in range(n):
             row = column = 0.0
             for j in range(n):
                 if j != i:
                     row += abs(w[a + i, j])
                     column += abs(w[a + j, i])
-            if row == 0.0 or column == 0.0:
-                continue
-            factor = 2.0 ** np.floor(0.5 + 0.5 * np.log2(row / column))
-            w[scale, i] *= factor
-            for j in range(n):
-                w[a + j, i] *= factor
-            for j in range(n):
-                w[a + i, j] /= factor
+            factor = 1.0
+            if row > 0.0 and column > 0.0:
+                while column * factor * factor * 2.0 < row:
+                    factor *= 2.0
+                while column * factor * factor > row * 2.0:
+                    factor *= 0.5
+            if factor != 1.0:
+                settled = False
+                w[scale, i] *= factor
+                for j in range(n):
+                    w[a + j, i] *= factor
+                for j in range(n):
+                    w[a + i, j] /= factor
+        if settled:
+            break
 
 
 def multiply(w: Floats2, n: int, a: int, b: int, out: int) -> None:
@@ -168,6 +176,7 @@ def first_phis(w: Floats2, n: int, z: int, phi: int, work: int) -> None:
 
 def double(w: Floats2, n: int, phi: int, work: int) -> None:
     """φ0 … φ4 of twice the matrix, in their place."""
+    half = 1.0 / 16.0  # to the power k
     for k in range(4, -1, -1):
         multiply(w, n, phi, phi + k * n, work)
         factor = 1.0
@@ -178,7 +187,8 @@ def double(w: Floats2, n: int, phi: int, work: int) -> None:
                     w[work + i, c] += factor * w[phi + j * n + i, c]
         for i in range(n):
             for c in range(n):
-                w[phi + k * n + i, c] = w[work + i, c] * 0.5**k
+                w[phi + k * n + i, c] = w[work + i, c] * half
+        half *= 2.0
 
 
 def fill(w: Floats2, n: int, place: int, h: float) -> None:
@@ -196,22 +206,24 @@ def fill(w: Floats2, n: int, place: int, h: float) -> None:
         for j in range(n):
             row += abs(w[z + i, j])
         size = max(size, row)
-    doublings = 1
-    while size > PHI_REACH * 2.0**doublings and doublings < 60:
+    doublings, share = 1, 0.5
+    while size * share > PHI_REACH and doublings < 60:
         doublings += 1
+        share *= 0.5
     for i in range(n):
         for j in range(n):
-            w[z + i, j] *= 0.5**doublings
+            w[z + i, j] *= share
     first_phis(w, n, z, phi, work)
     for level in range(doublings + 1):
         left = doublings - level  # k! h φ_{k+1} θ^k, scaled back: for half a step and for all of it
         if left <= 1:
-            factor = h * 0.5**left
+            part = 0.5 if left == 1 else 1.0
+            factor = h * part
             for k in range(4):
                 for i in range(n):
                     for j in range(n):
                         at = place + n * (1 + 4 * left + k) + i
                         w[at, j] = factor * w[phi + (k + 1) * n + i, j] * w[scale, i] / w[scale, j]
-                factor *= (k + 1) * 0.5**left
+                factor *= (k + 1) * part
         if left > 0:
             double(w, n, phi, work)

@@ -105,16 +105,16 @@ def go_to(
 
 
 def reach(
-    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, place: int, half: int
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, place: int, half: int, count: int
 ) -> tuple[bool, int]:
-    """Go to the step's end (half 0) or middle (1) under the present F: point, rates and D there.
+    """Go to the step's end (half 0) or middle (1) under the first `count` terms of F: point, rates and D there.
 
     Whether there is grip, and the length of the Taylor series (0 with a kept propagator, at row `place`).
     """
     terms = 0
     share = 0.5 if half == 1 else 1.0
     if place > 0:
-        weigh(tab, w, place + tab[NS] * (1 + 4 * half), FORCE, 4, CHANGE)
+        weigh(tab, w, place + tab[NS] * (1 + 4 * half), FORCE, count, CHANGE)
     else:
         terms = series(tab, w, h)
         along(tab, w, terms, share, CHANGE)
@@ -138,7 +138,7 @@ def linear(
                 slope += (w[JAC + s, c] - w[place + s, c]) * w[RATE + START, c]
         w[FORCE + 1, s] = h * slope
         w[FORCE + 2, s] = w[FORCE + 3, s] = 0.0
-    held, terms = reach(code, tab, r, mode, w, h, place, WHOLE_STEP)
+    held, terms = reach(code, tab, r, mode, w, h, place, WHOLE_STEP, 2)
     error = error_of(tab, w, h, place, POINT + END)
     return error if held else np.nan, terms
 
@@ -152,12 +152,12 @@ def cubic(
     for s in range(n):
         w[FORCE + 2, s] = w[DEFECT, s]
     for _ in range(SWEEPS):
-        held, terms = reach(code, tab, r, mode, w, h, place, HALF_STEP)
+        held, terms = reach(code, tab, r, mode, w, h, place, HALF_STEP, 4)
         for s in range(n):
             w[FORCE + 2, s] = 8.0 * w[DEFECT + 1, s] - w[DEFECT, s]
             w[FORCE + 3, s] = 2.0 * w[DEFECT, s] - 8.0 * w[DEFECT + 1, s]
             w[POINT + HALF, s] = w[DEFECT, s]
-        kept, terms = reach(code, tab, r, mode, w, h, place, WHOLE_STEP)
+        kept, terms = reach(code, tab, r, mode, w, h, place, WHOLE_STEP, 4)
         for s in range(n):
             w[CHANGE, s] = 0.75 * w[FORCE + 3, s]
         bent = error_of(tab, w, h, place, POINT + END)
