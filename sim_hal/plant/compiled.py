@@ -152,7 +152,7 @@ class CompiledPlant:
         inputs = plan.inputs[at : at + 1] + plan.slopes[at : at + 1] * (time_s - plan.breaks[at])
         here = Schedule(np.array([time_s]), inputs, plan.slopes[at : at + 1], plan.events, np.empty(0))
         self.follow(machine, here)
-        found: Floats = machine.rooms[0, engine.RATE, : len(state)].copy()
+        found: Floats = machine.room[engine.RATE, : len(state)].copy()
         return found
 
     def _plan(self, run: Run, samples: Floats) -> Schedule:
@@ -191,32 +191,35 @@ class CompiledPlant:
                 state[row, self.state_names.index(name)] = value
         for offset, place in enumerate(self.assembled.memory_initial):
             registers[:, layout.memory + offset] = registers[:, place]
-        for row, own in enumerate(initial):
-            self._settle(registers[row], state[row], run.times_s[0], own)
+        self._settle(registers, state, run.times_s[0], initial)
         span = run.times_s[-1] - run.times_s[0]
-        rooms = np.zeros((len(values), engine.rows_of(layout), engine.columns_of(layout)))
+        starts = np.zeros((len(values), engine.LASTING, engine.columns_of(layout)))
         limits = self.tolerances
-        clock = [run.times_s[0], 1e-5 * span if span > 0 else 1e-6, 0.0]
-        rooms[:, engine.CLOCK, :6] = [*clock, limits.relative, limits.absolute, limits.steps]
-        rooms[:, engine.STATE, : layout.ns] = state
-        rooms[:, engine.SCALE, : layout.ns] = np.abs(state)
+        clock = [run.times_s[0], 0.05 * span if span > 0 else 1e-3, 0.0]
+        starts[:, engine.CLOCK, :6] = [*clock, limits.relative, limits.absolute, limits.steps]
+        starts[:, engine.STATE, : layout.ns] = state
+        starts[:, engine.SCALE, : layout.ns] = np.abs(state)
         for column, name in enumerate(self.state_names):
-            rooms[:, engine.WEIGHT, column] = self._present(values, self.model.strengths.get(name))
-        return Machine(registers, self._modes(values), rooms)
+            starts[:, engine.WEIGHT, column] = self._present(values, self.model.strengths.get(name))
+        room = np.zeros((engine.rows_of(layout), engine.columns_of(layout)))
+        return Machine(registers, self._modes(values), starts, room)
 
-    def _settle(self, registers: Floats, state: Floats, start_s: float, given: Mapping[str, float]) -> None:
+    def _settle(
+        self, registers: Floats, state: Floats, start_s: float, given: Sequence[Mapping[str, float]]
+    ) -> None:
         """Start the states that other states tell, such as a filter's, where those put them."""
         if not self.assembled.settled:
             return
         program = self.assembled.program
         layout = program.layout
-        registers[layout.time] = start_s
-        registers[layout.state : layout.state + len(state)] = state
+        registers[:, layout.time] = start_s
+        registers[:, layout.state : layout.state + state.shape[1]] = state
         with np.errstate(all="ignore"):
-            engine.execute(program.code, layout.dynamic, layout.derivative, registers)
-        for offset, name in enumerate(self.state_names):
-            if name in self.assembled.settled and name not in given:
-                state[offset] = registers[self.assembled.settled[name]]
+            engine.execute_rows(program.code, layout.dynamic, layout.derivative, registers)
+        for name, place in self.assembled.settled.items():
+            own = np.array([name in names for names in given])
+            column = self.state_names.index(name)
+            state[:, column] = np.where(own, state[:, column], registers[:, place])
 
     def _modes(self, values: Floats) -> Ints:
         """Modes (n, n_modes) of friction elements, memories and kinks: those without strength are left out."""
@@ -264,7 +267,7 @@ class CompiledPlant:
     ) -> SimulationError | None:
         """What went wrong in a run, in words, or None."""
         if status != engine.OK:
-            room = machine.rooms[row]
+            room = machine.starts[row]
             pairs = zip(self.state_names, room[engine.STATE], strict=False)
             state = ", ".join(f"{name} = {value:.4g}" for name, value in pairs)
             reason = f"{_REASONS[status]} at t = {room[engine.CLOCK, engine.TIME]:.6f} s"
@@ -310,8 +313,7 @@ class CompiledPlant:
                 parameters[:, offset] = np.nan  # optional and absent: nothing may use it
         parameters[:, len(self.assembled.parameters) - 1] = run.times_s[0]
         with np.errstate(all="ignore"):
-            for row in registers:
-                engine.execute(program.code, 0, program.layout.dynamic, row)
+            engine.execute_rows(program.code, 0, program.layout.dynamic, registers)
         return registers
 
     def _surface(self, run: Run) -> dict[str, str]:

@@ -67,7 +67,7 @@ class Simulator:
             times_s=np.array([start_s]), conditions=conditions or {}, known=known or {}, events=events or {}
         )
         self._machine = self._compiled.machine(self._compiled.values, run, initial)
-        self._room = self._machine.rooms[0]
+        self._room = self._machine.starts[0]
         self._names = self._compiled.output_names
         self._late = self._compiled.lateness(self._compiled.values, run)
         for channel, late in self._late.items():

@@ -12,6 +12,7 @@ from sim_hal.plant.engine.machine import (
     CLOCK,
     EMPTY_BAND,
     IDLE,
+    LASTING,
     NO_GRIP,
     NOT_FINITE,
     OFF,
@@ -28,7 +29,7 @@ from sim_hal.plant.engine.machine import (
     Machine,
     Schedule,
     columns_of,
-    execute,
+    execute_rows,
     rows_of,
 )
 from sim_hal.plant.engine.running import integrate
@@ -38,6 +39,7 @@ __all__ = [
     "CLOCK",
     "EMPTY_BAND",
     "IDLE",
+    "LASTING",
     "NOT_FINITE",
     "NO_GRIP",
     "OFF",
@@ -54,7 +56,7 @@ __all__ = [
     "Machine",
     "Schedule",
     "columns_of",
-    "execute",
+    "execute_rows",
     "integrate",
     "rows_of",
 ]

@@ -199,6 +199,13 @@ def memory_trend(tab: Ints1, r: Floats1, q: int, mode: int, w: Floats2, rate: in
     return trend
 
 
+def copy(w: Floats2, to: int, found: int) -> None:
+    """Note margins and their rates for another point."""
+    for i in range(w.shape[1]):
+        w[FOUND + to, i] = w[FOUND + found, i]
+        w[TREND + to, i] = w[TREND + found, i]
+
+
 def dip(w: Floats2, h: float, i: int) -> float:
     """Share of a step at which margin i, positive at both ends, may have been negative, or 0.
 

@@ -141,6 +141,7 @@ def release(tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, row: int) -> bool:
             add_force(tab, r, j, -r[tab[FORCE_AT] + j], w, row)
             r[tab[FORCE_AT] + j] = 0.0
     for _ in range(200):
+        settled = True
         for j in range(tab[M]):
             if mode[j] == 0 and grip(tab, r, j, j) != 0.0:
                 force = r[tab[FORCE_AT] + j]
@@ -148,6 +149,9 @@ def release(tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, row: int) -> bool:
                 target = min(max(target, -r[tab[tab[FORWARD] + j]]), r[tab[tab[BACKWARD] + j]])
                 add_force(tab, r, j, target - force, w, row)
                 r[tab[FORCE_AT] + j] = target
+                settled = settled and abs(target - force) <= 1e-3 * band(tab, r, j)
+        if settled:
+            break
     released = False
     for j in range(tab[M]):
         if mode[j] == 0 and grip(tab, r, j, j) != 0.0:

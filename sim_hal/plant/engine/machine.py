@@ -16,7 +16,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from sim_hal.plant.native import Floats1, Ints2, entry
+from sim_hal.plant.native import Floats1, Floats2, Ints2, entry
 from sim_hal.plant.program import OPCODES, Floats, Ints, Layout
 
 OK, NOT_FINITE, STEP_VANISHED, TOO_MANY_STEPS, CHATTER, EMPTY_BAND, NO_GRIP = range(7)
@@ -44,18 +44,20 @@ def _places(*numbers: int) -> tuple[int, ...]:
 
 
 # Rows of w. CLOCK has in its columns: time, wanted step size, steps tried, tolerances, largest number of steps,
-# whether the last step was taken in spite of its error.
+# whether the last step was taken in spite of its error, whether the propagators are this machine's.
 # SCALE is the largest magnitude of each state so far, WEIGHT 0 where a state does not count. FOUND: margins at both
 # sides of an event, between, and at the step's start; TREND: their rates. Rates and points have four rows each: at a
 # step's start, end and middle, and wherever one looks.
 CLOCK, STATE, SCALE, WEIGHT, FOUND, TREND, FORCE, DEFECT, CHANGE = _places(0, 1, 2, 3, 4, 8, 12, 16, 18)
 SPARE, RATE, POINT, TERMS = _places(19, 20, 24, 28)
-TIME, WANTED, STEPS, RELATIVE, ABSOLUTE, MOST_STEPS, FORCED = _places(0, 1, 2, 3, 4, 5, 6)
+TIME, WANTED, STEPS, RELATIVE, ABSOLUTE, MOST_STEPS, FORCED, OWN = _places(0, 1, 2, 3, 4, 5, 6, 7)
+LASTING = 4
 START, END, HALF, HERE = _places(0, 1, 2, 3)
 LOW, HIGH, BETWEEN, BEFORE = _places(0, 1, 2, 3)
 WHOLE_STEP, HALF_STEP, NO_PROPAGATOR = _places(0, 1, 0)
 LONGEST = 40  # terms of a Taylor series
-KEPT = TERMS + LONGEST  # propagators in use, the last one made, step size of each
+SPAN = TERMS + LONGEST  # from where to where each row of the derivatives is not 0
+KEPT = SPAN + 2  # propagators in use, the last one made, step size of each
 SLOTS = 8
 JAC = (
     KEPT + 1
@@ -85,7 +87,8 @@ class Machine(NamedTuple):
 
     registers: Floats  # (n, registers)
     modes: Ints  # (n, modes)
-    rooms: Floats  # (n, rows, columns)
+    starts: Floats  # (n, LASTING, columns): the first rows of w, which tell where each is
+    room: Floats  # w, (rows, columns): one serves for all
 
 
 class Schedule(NamedTuple):
@@ -107,6 +110,12 @@ class Limits(NamedTuple):
 
 
 @entry
+def execute_rows(code: Ints2, start: int, stop: int, registers: Floats2) -> None:
+    """Run instructions start … stop−1 on each of several register files (n, registers)."""
+    for i in range(len(registers)):
+        execute(code, start, stop, registers[i])
+
+
 def execute(code: Ints2, start: int, stop: int, r: Floats1) -> None:
     """Run instructions start … stop−1 on the registers `r`."""
     for n in range(start, stop):

@@ -12,10 +12,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim_hal.plant.engine.machine import FORCE, JAC, KEPT, LONGEST, NS, SLOTS, TERMS, kept_at
+from sim_hal.plant.engine.machine import (
+    ABSOLUTE,
+    CLOCK,
+    FORCE,
+    JAC,
+    KEPT,
+    LONGEST,
+    NS,
+    RELATIVE,
+    SLOTS,
+    SPAN,
+    TERMS,
+    kept_at,
+)
 from sim_hal.plant.native import Floats2, Ints1
 
-SERIES_REACH = 2.0
+SERIES_REACH = 6.0
 """Size of hL up to which the series is taken."""
 ALIKE, ROUGHLY = 0.02, 0.5
 """Shares up to which a propagator's matrix is as good as the present one, and up to which it may serve."""
@@ -35,9 +48,22 @@ def strength(w: Floats2, n: int) -> tuple[float, float]:
     return diagonal + np.sqrt(coupled), np.sqrt(swing)
 
 
+def spans(w: Floats2, n: int) -> None:
+    """Note from where to where each row of the derivatives is not 0."""
+    for s in range(n):
+        first, last = n, 0
+        for c in range(n):
+            if w[JAC + s, c] != 0.0:
+                first = min(first, c)
+                last = c + 1
+        w[SPAN, s], w[SPAN + 1, s] = first, last
+
+
 def series(tab: Ints1, w: Floats2, h: float) -> int:
     """Taylor coefficients of the increment by θ, in rows from TERMS on; how many, or 0 if they do not end."""
     n = tab[NS]
+    spans(w, n)
+    cut = max(1e-16, 1e-3 * w[CLOCK, RELATIVE])
     quiet = 0
     for s in range(n):
         w[TERMS, s] = 0.0
@@ -46,12 +72,12 @@ def series(tab: Ints1, w: Floats2, h: float) -> int:
         small = True
         for s in range(n):
             total = w[FORCE + k, s] if k < 4 else 0.0
-            for c in range(n):
+            for c in range(int(w[SPAN, s]), int(w[SPAN + 1, s])):
                 total += w[JAC + s, c] * w[TERMS + k, c]
             total *= h / (k + 1)
             w[TERMS + k + 1, s] = total
             largest = max(abs(w[TERMS + 1, s]), abs(w[TERMS + 2, s]), abs(w[TERMS + 3, s]))
-            small = small and k > 3 and abs(total) <= 1e-16 * largest
+            small = small and k > 3 and abs(total) <= cut * largest + 1e-4 * w[CLOCK, ABSOLUTE]
         quiet = quiet + 1 if small else 0
         if quiet == 2:
             return k + 2

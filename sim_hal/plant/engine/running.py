@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim_hal.plant.engine.events import apply_events, dip, keep_memories, margins, settle, take_sides
+from sim_hal.plant.engine.events import apply_events, copy, dip, keep_memories, margins, settle, take_sides
 from sim_hal.plant.engine.friction import add_force, grip, relative_velocity
 from sim_hal.plant.engine.machine import (
     BEFORE,
@@ -15,9 +15,10 @@ from sim_hal.plant.engine.machine import (
     END_OF_CODE,
     FLAG,
     FLAG_TIME,
-    FOUND,
     HERE,
     HIGH,
+    KEPT,
+    LASTING,
     MOST_STEPS,
     NF,
     NS,
@@ -27,6 +28,7 @@ from sim_hal.plant.engine.machine import (
     OK,
     OUTPUT,
     OUTPUTS,
+    OWN,
     POINT,
     RATE,
     RATE_AT,
@@ -39,7 +41,6 @@ from sim_hal.plant.engine.machine import (
     STEPS,
     TIME,
     TOO_MANY_STEPS,
-    TREND,
     WANTED,
     M,
     Q,
@@ -50,7 +51,7 @@ from sim_hal.plant.engine.rates import jacobian_at, rates_at
 from sim_hal.plant.engine.stepping import AGAIN, hits, locate, try_step
 from sim_hal.plant.native import Floats1, Floats2, Floats3, Ints1, Ints2, entry
 
-SWING = 0.5
+SWING = 0.8
 """Most by which an oscillation may go on within a step, in radians: what happens between two looks is told by the
 values and rates at both, which serves for less than half a turn."""
 
@@ -168,8 +169,7 @@ def go_on(
         if changed:
             margins(code, tab, r, mode, w, STATE, RATE + START, BEFORE)
         else:
-            for i in range(w.shape[1]):
-                w[FOUND + BEFORE, i], w[TREND + BEFORE, i] = w[FOUND + HIGH, i], w[TREND + HIGH, i]
+            copy(w, BEFORE, HIGH)
     return status, events, careful
 
 
@@ -231,17 +231,25 @@ def emit(
 
 @entry
 def integrate(
-    code: Ints2, tab: Ints1, registers: Floats2, modes: Ints2, rooms: Floats3, breaks: Floats1, inputs: Floats2,
-    slopes: Floats2, events: Floats1, samples: Floats1, outputs: Floats3, states: Floats3, statuses: Ints1,
+    code: Ints2, tab: Ints1, registers: Floats2, modes: Ints2, starts: Floats3, w: Floats2, breaks: Floats1,
+    inputs: Floats2, slopes: Floats2, events: Floats1, samples: Floats1, outputs: Floats3, states: Floats3,
+    statuses: Ints1,
 ) -> None:  # fmt: skip
     """Run machines one after the other through the same segments; each gets a status.
 
-    registers (n, registers), modes (n, modes) and rooms (n, rows, columns) are those of the machines, with
-    parameters, initial state, flags and memories filled in. breaks (nb,), inputs and slopes (nb, nu), events (nf,)
-    and samples (ns,) are the schedule's; fills outputs (n, ns, no) and states (n, ns, ns) at the samples.
+    registers (n, registers), modes (n, modes) and starts (n, LASTING, columns) are those of the machines, with
+    parameters, initial state, flags and memories filled in, and get what these are at the end; w is room. breaks
+    (nb,), inputs and slopes (nb, nu), events (nf,) and samples (ns,) are the schedule's; fills outputs (n, ns, no)
+    and states (n, ns, ns) at the samples.
     """
     for i in range(len(registers)):
-        r, mode, w = registers[i], modes[i], rooms[i]
+        r, mode, kept = registers[i], modes[i], starts[i]
+        for row in range(LASTING):
+            for column in range(w.shape[1]):
+                w[row, column] = kept[row, column]
+        if w[CLOCK, OWN] == 0.0:
+            w[KEPT, 0] = 0.0
+        w[CLOCK, OWN] = 1.0
         start(tab, r, mode, w)
         done, status = 0 * len(samples), OK  # no plain 0: see machine.py
         for b in range(len(breaks)):
@@ -254,3 +262,6 @@ def integrate(
             if status != OK:
                 break
         statuses[i] = status
+        for row in range(LASTING):
+            for column in range(w.shape[1]):
+                kept[row, column] = w[row, column]

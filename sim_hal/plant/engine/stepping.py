@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim_hal.plant.engine.events import margins
+from sim_hal.plant.engine.events import copy, margins
 from sim_hal.plant.engine.machine import (
     ABSOLUTE,
     BEFORE,
@@ -44,6 +44,7 @@ from sim_hal.plant.engine.machine import (
     STATE,
     STEP_VANISHED,
     TIME,
+    TREND,
     WANTED,
     WEIGHT,
     WHOLE_STEP,
@@ -60,6 +61,8 @@ MIN_STEP = 1e-14
 LINEAR = 0.1
 """Share of the tolerance within which D is taken for 0."""
 SWEEPS = 3
+AT_ONCE = 1e-5
+"""Share of a step within which what leaves a limit that it was at has left it: along a parabola, so by nothing."""
 AGAIN = -1
 
 
@@ -105,24 +108,24 @@ def go_to(
 
 
 def reach(
-    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, place: int, half: int, count: int
-) -> tuple[bool, int]:
-    """Go to the step's end (half 0) or middle (1) under the first `count` terms of F: point, rates and D there.
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, place: int, half: int, count: int,
+    terms: int,
+) -> bool:  # fmt: skip
+    """Go to the step's end (half 0) or middle (1): point, rates and D there. False: no grip.
 
-    Whether there is grip, and the length of the Taylor series (0 with a kept propagator, at row `place`).
+    By the Taylor series of so many terms, or with the kept propagator at row `place` and `count` terms of F.
     """
-    terms = 0
+    n = tab[NS]
     share = 0.5 if half == 1 else 1.0
     if place > 0:
-        weigh(tab, w, place + tab[NS] * (1 + 4 * half), FORCE, count, CHANGE)
+        weigh(tab, w, place + n * (1 + 4 * half), FORCE, count, CHANGE)
     else:
-        terms = series(tab, w, h)
         along(tab, w, terms, share, CHANGE)
     matrix = place if place > 0 else JAC
     held = go_to(code, tab, r, mode, w, w[CLOCK, TIME] + share * h, share, HALF if half == 1 else END, matrix)
-    for s in range(tab[NS]):
+    for s in range(n):
         w[DEFECT + half, s] = w[CHANGE, s]
-    return held and (place > 0 or terms > 0), terms
+    return held
 
 
 def linear(
@@ -138,33 +141,36 @@ def linear(
                 slope += (w[JAC + s, c] - w[place + s, c]) * w[RATE + START, c]
         w[FORCE + 1, s] = h * slope
         w[FORCE + 2, s] = w[FORCE + 3, s] = 0.0
-    held, terms = reach(code, tab, r, mode, w, h, place, WHOLE_STEP, 2)
+    terms = series(tab, w, h) if place == 0 else 0
+    held = reach(code, tab, r, mode, w, h, place, WHOLE_STEP, 2, terms)
     error = error_of(tab, w, h, place, POINT + END)
-    return error if held else np.nan, terms
+    return error if held and place + terms > 0 else np.nan, terms
 
 
 def cubic(
-    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, place: int
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, place: int, terms: int
 ) -> tuple[float, int]:
     """The step with D, after `linear`: its error and the length of its Taylor series."""
     n = tab[NS]
-    terms, error = 0, np.nan
-    for s in range(n):
-        w[FORCE + 2, s] = w[DEFECT, s]
+    held = reach(code, tab, r, mode, w, h, place, HALF_STEP, 2, terms)
+    error = np.nan
     for _ in range(SWEEPS):
-        held, terms = reach(code, tab, r, mode, w, h, place, HALF_STEP, 4)
         for s in range(n):
             w[FORCE + 2, s] = 8.0 * w[DEFECT + 1, s] - w[DEFECT, s]
             w[FORCE + 3, s] = 2.0 * w[DEFECT, s] - 8.0 * w[DEFECT + 1, s]
-            w[POINT + HALF, s] = w[DEFECT, s]
-        kept, terms = reach(code, tab, r, mode, w, h, place, WHOLE_STEP, 4)
+            w[POINT + HERE, s] = w[DEFECT, s]
+        if place == 0:
+            terms = series(tab, w, h)
+        held = held and reach(code, tab, r, mode, w, h, place, HALF_STEP, 4, terms)
+        held = held and reach(code, tab, r, mode, w, h, place, WHOLE_STEP, 4, terms)
+        if not held or place + terms == 0:
+            return np.nan, terms
         for s in range(n):
             w[CHANGE, s] = 0.75 * w[FORCE + 3, s]
         bent = error_of(tab, w, h, place, POINT + END)
         for s in range(n):
-            w[CHANGE, s] = w[DEFECT, s] - w[POINT + HALF, s]
-        unsettled = error_of(tab, w, h, place, POINT + END)
-        error = bent + unsettled if held and kept else np.nan
+            w[CHANGE, s] = w[DEFECT, s] - w[POINT + HERE, s]
+        error = bent + error_of(tab, w, h, place, POINT + END)
         if error <= 1.0 or not bent <= 1.0:
             break
     return error, terms
@@ -191,7 +197,7 @@ def try_step(
         if share < 1.0:
             error, wanted = 0.0, w[CLOCK, WANTED]
             break
-        error, terms = cubic(code, tab, r, mode, w, h, place)
+        error, terms = cubic(code, tab, r, mode, w, h, place, terms)
         wanted = h * (min(5.0, max(0.2, 0.9 * max(error, 1e-4) ** -0.25)) if np.isfinite(error) else 0.1)
         if error <= 1.0 or not stiff or same(w, tab[NS], place, h, ALIKE):
             break
@@ -245,13 +251,42 @@ def hits(
     return hit or not held
 
 
-def guess(tab: Ints1, w: Floats2, low: float, high: float, bias: float) -> float:
-    """Where between two shares of a step the first margin vanishes, by straight lines."""
+def root(below: float, above: float, falls: float, rises: float) -> float:
+    """Where between 0 and 1 a cubic vanishes, given its values there, of unlike sign, and slopes (0: not known).
+
+    What is 0 at the start may leave it at once, along a parabola: looked for closer and closer to the start.
+    """
+    if not below > 0.0:
+        return 1e-3
+    chord = above - below
+    first, last = falls if falls != 0.0 else chord, rises if rises != 0.0 else chord
+    square, cube = 3.0 * chord - 2.0 * first - last, first + last - 2.0 * chord
+    x = below / (below - above)
+    for _ in range(4):
+        slope = first + x * (2.0 * square + 3.0 * cube * x)
+        if not slope < 0.0:
+            break
+        x = min(max(x - (below + x * (first + x * (square + x * cube))) / slope, 0.0), 1.0)
+    return x
+
+
+def leaves(tab: Ints1, w: Floats2) -> bool:
+    """Whether what has happened was just about to at the start of the step: its margin is 0 there."""
+    found = True
+    for i in range(tab[M] + tab[Q] + tab[NW] + tab[NF]):
+        found = found and (w[FOUND + HIGH, i] >= 0.0 or w[FOUND + BEFORE, i] == 0.0)
+    return found
+
+
+def guess(tab: Ints1, w: Floats2, h: float, low: float, high: float) -> float:
+    """Where between two shares of a step the first margin vanishes, by cubics through its values and rates."""
     middle = high
     for i in range(tab[M] + tab[Q] + tab[NW] + tab[NF]):
-        below, above = bias * w[FOUND + LOW, i], w[FOUND + HIGH, i]
+        below, above = w[FOUND + LOW, i], w[FOUND + HIGH, i]
         if above < 0.0:
-            middle = min(middle, low + (high - low) * (below / (below - above) if below > 0.0 else 0.5))
+            span = h * (high - low)
+            x = root(below, above, span * w[TREND + LOW, i], span * w[TREND + HIGH, i])
+            middle = min(middle, low + (high - low) * x)
     return middle
 
 
@@ -260,30 +295,32 @@ def locate(
 ) -> float:
     """Share of the step at which the first thing happens, given one by which something has.
 
-    Regula falsi on the margin that vanishes first, with the Illinois rule. Point, rates (rows HERE), registers and
-    margins (row FOUND + HIGH) are left as they are just behind it.
+    Each look is a little to the far side of where a cubic says, so that both ends close in. Point, rates (rows HERE),
+    registers and margins (rows HIGH) are left as they are just behind it.
     """
     low, high = 0.0, share
-    for i in range(w.shape[1]):
-        w[FOUND + LOW, i] = w[FOUND + BEFORE, i]
-    hits(code, tab, r, mode, w, h, terms, high, HIGH)
-    least = 1e-15 + 2e-16 * abs(w[CLOCK, TIME]) / h
-    bias, before = 1.0, 0
-    for count in range(200):
-        if high - low <= least:
+    copy(w, LOW, BEFORE)
+    looked = share < 1.0  # whether the last look was at the upper end
+    if looked:
+        hits(code, tab, r, mode, w, h, terms, high, HIGH)
+    least = 1e-14 + 2e-16 * abs(w[CLOCK, TIME]) / h
+    for count in range(100):
+        if high - low <= least or (high <= AT_ONCE and leaves(tab, w)):
             break
-        middle = guess(tab, w, low, high, bias) if count % 4 != 3 else 0.5 * (low + high)
-        middle = min(max(middle, low + 0.5 * least), high - 0.5 * least)
+        middle = 0.5 * (low + high)
+        if count % 6 != 5:
+            middle = guess(tab, w, h, low, high)
+            far = max(0.5 * least, 1e-5 * min(middle - low, high - middle))
+            middle += far if middle - low < high - middle else -far
+            middle = min(max(middle, low + 0.5 * least), high - 0.5 * least)
         if not low < middle < high:
             break
-        if hits(code, tab, r, mode, w, h, terms, middle, BETWEEN):
+        looked = hits(code, tab, r, mode, w, h, terms, middle, BETWEEN)
+        if looked:
             high = middle
-            bias, before = (0.5 * bias if before == 1 else 1.0), 1
         else:
             low = middle
-            bias, before = (2.0 * bias if before == -1 else 1.0), -1
-        side = FOUND + (HIGH if before == 1 else LOW)
-        for i in range(w.shape[1]):
-            w[side, i] = w[FOUND + BETWEEN, i]
-    hits(code, tab, r, mode, w, h, terms, high, HIGH)
+        copy(w, HIGH if looked else LOW, BETWEEN)
+    if not looked:
+        hits(code, tab, r, mode, w, h, terms, high, HIGH)
     return high
