@@ -128,6 +128,8 @@ class Search:
 
     def polished(self, fits: Fitted) -> Fitted:
         """The best fit and its rivals with sensitivities of their own, best first; the hopeless as they are."""
+        if not fits:
+            return []
         share = self.share(fits[0][1])
         least = self.total(fits[0][1], fits[0][1], share)
         close = [pair for pair in fits if self.total(pair[1], fits[0][1], share) > least - HOPELESS]
