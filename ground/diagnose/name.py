@@ -39,6 +39,8 @@ STARTS = 2
 RIVALS = 3
 """Rivals of the best candidate that are compared with it, and that may replace it later."""
 MOST_EFFECTS = 6
+NEEDLESS = 0.5
+"""An effect leaves when the plant without it, fitted anew, is this likely to predict as well."""
 CLEARLY = 0.9
 """A rival replaces an effect when its chi-square is below this share of the present one's."""
 HOPELESS = 30.0
@@ -100,11 +102,21 @@ class Search:
             current = next(fit for candidate, fit in fits if candidate is best.candidate)
             chosen.append(best)
             current, chosen = self.replace_earlier(current, chosen)
-        if chosen:
-            self.progress("settling the extended plant")
-            (current,) = self.fitted([FitTask(current.plant, current, current.values, "final")])
-        final = tuple(self.contest(current, one) for one in chosen)
+        current, final = self.settled(current, chosen)
         return Named(current, final, refused, tuple(self._screened))
+
+    def settled(self, current: Fit, chosen: Sequence[Chosen]) -> tuple[Fit, tuple[Chosen, ...]]:
+        """The extended plant fitted to the bottom, and each effect set against its rivals; the needless leave."""
+        if not chosen:
+            return current, ()
+        self.progress("settling the extended plant")
+        (current,) = self.fitted([FitTask(current.plant, current, current.values, "final")])
+        final = tuple(self.contest(current, one) for one in chosen)
+        least = min(final, key=lambda one: one.probability_better)
+        if len(final) == 1 or least.probability_better >= NEEDLESS:
+            return current, final
+        self.progress(f"leaving out {label_of(least.candidate)}")
+        return self.settled(self.without(current, least), [one for one in final if one is not least])
 
     def fitted(self, tasks: Sequence[FitTask]) -> list[Fit]:
         """Fits in the order of the tasks."""
