@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pysindy
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
@@ -124,6 +123,8 @@ def formula(parts: Sequence[Signals]) -> tuple[float, str]:
     if scatter == 0.0:
         return 0.0, "1"
     columns = library / np.where(scale > 0.0, scale, 1.0)
+    import pysindy  # of the extra `bench`: what counts cases does without
+
     solver = pysindy.STLSQ(threshold=SPARSITY, alpha=1e-3)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # STLSQ warns when it drops every term
