@@ -46,6 +46,7 @@ class CampaignSettings:
     """The whole file; `kinds` are rows of device, kind, smallest and largest size."""
 
     mission: MissionDraw
+    patience_s: float
     faults_at_once: Annotated[int, Limits(1, 10)]
     apart_s: float
     groups: Annotated[int, Limits(1, 10)]

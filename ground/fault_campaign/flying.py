@@ -81,6 +81,7 @@ def _given() -> tuple[FlightSettings, SurfaceSettings, dict[str, Any]]:
 def fly_case(settings: CampaignSettings, case: FaultCase) -> CaseResult:
     """Fly a case and have it judged."""
     flight, surfaces, found = _given()
+    flight = _impatient(flight, settings.patience_s)
     plan = MissionPlan("faults", (HopPlan(case.energy_j, case.surface),))
     by_device = {fault.device: fault for fault in case.faults}
     with (
@@ -121,6 +122,15 @@ def fly_case(settings: CampaignSettings, case: FaultCase) -> CaseResult:
 def _memory_folder() -> str | None:
     """A file system in memory where there is one: thousands of logs would wear a disc."""
     return "/dev/shm" if Path("/dev/shm").is_dir() else None
+
+
+def _impatient(flight: FlightSettings, patience_s: float) -> FlightSettings:
+    """The settings with shorter limits for phases in which nothing happens but waiting."""
+    waiting = ("ready_timeout", "hold_timeout", "safe_hold_timeout")
+    rules = {
+        name: replace(rule, above=patience_s) for name, rule in flight.monitors.items() if name in waiting
+    }
+    return replace(flight, monitors=flight.monitors | rules)
 
 
 def _board_settings(found: dict[str, Any], case: FaultCase) -> dict[str, Any]:
