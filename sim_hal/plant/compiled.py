@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,6 +135,33 @@ class CompiledPlant:
         except SimulationError as error:
             return error
 
+    def starts(self, values: Floats, run: Run, known: Mapping[str, Floats] | None = None) -> Floats:
+        """States at the start, (n, n_states), for each row of `values`; `known` as for `until`."""
+        return self._start(self._registers(values, run, known or {}), run)
+
+    def until(
+        self, flag: str, values: Floats, run: Run, known: Mapping[str, Floats] | None = None
+    ) -> tuple[Floats, Floats]:
+        """When a flag latches, (n,) s, and the states then, (n, n_states), for each row of `values` (n, n_par).
+
+        `known` gives known quantities that differ from row to row, (n,) each. Raises `SimulationError`, also where
+        the flag is never raised.
+        """
+        times, states = np.empty(len(values)), np.empty((len(values), len(self.state_names)))
+        plan = self._plan(run, np.empty(0))
+        for first in range(0, len(values), _AT_ONCE):
+            some = slice(first, first + _AT_ONCE)
+            own = {name: numbers[some] for name, numbers in (known or {}).items()}
+            machine = self._machines(values[some], run, [{}] * len(values[some]), own)
+            _, _, statuses = self._integrate(machine, plan, self.assembled.flags.index(flag))
+            for row in np.flatnonzero(statuses != engine.STOPPED)[:1]:
+                failure = self._failure(int(statuses[row]), machine, int(row), np.empty(0), plan.samples)
+                late = f"{self.plant.name}: no {flag} until t = {run.times_s[-1]:.6g} s"
+                raise failure or SimulationError(f"{late}{self._acting(machine.registers[row])}")
+            times[some] = machine.starts[:, engine.CLOCK, engine.TIME]
+            states[some] = machine.starts[:, engine.STATE, : states.shape[1]]
+        return times, states
+
     def states(self, values: Floats, run: Run, initial: Mapping[str, float] | None = None) -> Floats:
         """States at the run's times, (n, n_states), SI."""
         return self.run_with_states(values, run, initial)[1]
@@ -176,10 +204,16 @@ class CompiledPlant:
         """The engine's moving parts at the start of a run."""
         return self._machines(values[np.newaxis], run, [initial or {}])
 
-    def _machines(self, values: Floats, run: Run, initial: Sequence[Mapping[str, float]]) -> Machine:
+    def _machines(
+        self,
+        values: Floats,
+        run: Run,
+        initial: Sequence[Mapping[str, float]],
+        known: Mapping[str, Floats] | None = None,
+    ) -> Machine:
         """The engine's moving parts at the start of several runs."""
         check_times(run.times_s)
-        registers = self._registers(values, run)
+        registers = self._registers(values, run, known or {})
         layout = self.assembled.program.layout
         state = self._start(registers, run)
         for row, own in enumerate(initial):
@@ -251,7 +285,7 @@ class CompiledPlant:
             raise failure
         return outputs[0], states[0]
 
-    def _integrate(self, machine: Machine, plan: Schedule) -> tuple[Floats, Floats, Ints]:
+    def _integrate(self, machine: Machine, plan: Schedule, stop: int = -1) -> tuple[Floats, Floats, Ints]:
         """Outputs (n, n_samples, n_outputs), states (n, n_samples, n_states), statuses (n,) of n machines."""
         count, samples = len(machine.registers), len(plan.samples)
         outputs = np.empty((count, samples, len(self.output_names)))
@@ -259,7 +293,7 @@ class CompiledPlant:
         statuses = np.zeros(count, dtype=np.int64)
         program = self.assembled.program
         with np.errstate(all="ignore"):
-            engine.integrate(program.code, program.table, *machine, *plan, outputs, states, statuses)
+            engine.integrate(program.code, program.table, *machine, *plan, stop, outputs, states, statuses)
         return outputs, states, statuses
 
     def _failure(
@@ -291,7 +325,9 @@ class CompiledPlant:
             found.append(f"{prefix} ({', '.join(f'{name} = {v:.4g}' for name, v in values.items())})")
         return f"; effects: {', '.join(found)}" if found else ""
 
-    def _registers(self, values: Floats, run: Run) -> Floats:
+    def _registers(
+        self, values: Floats, run: Run, known: Mapping[str, Floats] = MappingProxyType({})
+    ) -> Floats:
         """Register files (n, n_registers) with all parameters, and what depends on them alone, filled in."""
         if values.shape[1] != len(self.parameter_names):
             raise SimulationError(f"{values.shape[1]} parameter values, {len(self.parameter_names)} expected")
@@ -307,6 +343,8 @@ class CompiledPlant:
         for offset, name in enumerate(names):
             if name in self._index:
                 parameters[:, offset] = values[:, self._index[name]]
+            elif name in known:
+                parameters[:, offset] = known[name]
             elif name in self.plant.structure.known:
                 parameters[:, offset] = self._known(name, run)
             else:

@@ -19,7 +19,7 @@ import numpy as np
 from sim_hal.plant.native import Floats1, Floats2, Ints2, entry
 from sim_hal.plant.program import OPCODES, Floats, Ints, Layout
 
-OK, NOT_FINITE, STEP_VANISHED, TOO_MANY_STEPS, CHATTER, EMPTY_BAND, NO_GRIP = range(7)
+OK, NOT_FINITE, STEP_VANISHED, TOO_MANY_STEPS, CHATTER, EMPTY_BAND, NO_GRIP, STOPPED = range(8)
 OFF = 2  # mode of a friction element without strength
 IDLE = 3  # mode of a memory or kink without strength
 

@@ -39,6 +39,7 @@ from sim_hal.plant.engine.machine import (
     START_VALUE,
     STATE,
     STEPS,
+    STOPPED,
     TIME,
     TOO_MANY_STEPS,
     WANTED,
@@ -174,7 +175,7 @@ def go_on(
 
 
 def segment(
-    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, end: float, samples: Floats1, done: int,
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, end: float, stop: int, samples: Floats1, done: int,
     outputs: Floats2, states: Floats2,
 ) -> tuple[int, int]:  # fmt: skip
     """Go through a segment whose start is settled, giving the samples before its end; a status, and how many are done
@@ -202,6 +203,8 @@ def segment(
             at_once = at_once + 1 if whole_from - before < 1e-12 * max(1.0, abs(before)) else 0
             if at_once > 200:
                 status = CHATTER
+            elif stop >= 0 and r[tab[FLAG] + stop] != 0.0:
+                status = STOPPED
         if status == OK and w[CLOCK, TIME] < end:
             done = emit(code, tab, r, w, samples, done, outputs, states)
     return status, done
@@ -232,7 +235,7 @@ def emit(
 @entry
 def integrate(
     code: Ints2, tab: Ints1, registers: Floats2, modes: Ints2, starts: Floats3, w: Floats2, breaks: Floats1,
-    inputs: Floats2, slopes: Floats2, events: Floats1, samples: Floats1, outputs: Floats3, states: Floats3,
+    inputs: Floats2, slopes: Floats2, events: Floats1, samples: Floats1, stop: int, outputs: Floats3, states: Floats3,
     statuses: Ints1,
 ) -> None:  # fmt: skip
     """Run machines one after the other through the same segments; each gets a status.
@@ -240,7 +243,7 @@ def integrate(
     registers (n, registers), modes (n, modes) and starts (n, LASTING, columns) are those of the machines, with
     parameters, initial state, flags and memories filled in, and get what these are at the end; w is room. breaks
     (nb,), inputs and slopes (nb, nu), events (nf,) and samples (ns,) are the schedule's; fills outputs (n, ns, no)
-    and states (n, ns, ns) at the samples.
+    and states (n, ns, ns) at the samples. A run ends early where flag `stop` latches (−1: none).
     """
     for i in range(len(registers)):
         r, mode, kept = registers[i], modes[i], starts[i]
@@ -258,7 +261,7 @@ def integrate(
             if status != OK:
                 break
             end = breaks[min(b + 1, len(breaks) - 1)]
-            status, done = segment(code, tab, r, mode, w, end, samples, done, outputs[i], states[i])
+            status, done = segment(code, tab, r, mode, w, end, stop, samples, done, outputs[i], states[i])
             if status != OK:
                 break
         statuses[i] = status

@@ -60,6 +60,8 @@ FLOOR = 0.01
 MIN_STEP = 1e-14
 LINEAR = 0.1
 """Share of the tolerance within which D is taken for 0."""
+KINK = 100.0
+"""Error beyond which a step is looked at for an event up to which it is linear, before anything else."""
 SWEEPS = 3
 AT_ONCE = 1e-5
 """Share of a step within which what leaves a limit that it was at has left it: along a parabola, so by nothing."""
@@ -154,16 +156,16 @@ def cubic(
     n = tab[NS]
     held = reach(code, tab, r, mode, w, h, place, HALF_STEP, 2, terms)
     error = np.nan
-    for _ in range(SWEEPS):
+    for sweep in range(SWEEPS):
+        if sweep > 0:
+            held = held and reach(code, tab, r, mode, w, h, place, HALF_STEP, 4, terms)
         for s in range(n):
             w[FORCE + 2, s] = 8.0 * w[DEFECT + 1, s] - w[DEFECT, s]
             w[FORCE + 3, s] = 2.0 * w[DEFECT, s] - 8.0 * w[DEFECT + 1, s]
             w[POINT + HERE, s] = w[DEFECT, s]
         if place == 0:
             terms = series(tab, w, h)
-        held = held and reach(code, tab, r, mode, w, h, place, HALF_STEP, 4, terms)
-        held = held and reach(code, tab, r, mode, w, h, place, WHOLE_STEP, 4, terms)
-        if not held or place + terms == 0:
+        if not (held and place + terms > 0 and reach(code, tab, r, mode, w, h, place, WHOLE_STEP, 4, terms)):
             return np.nan, terms
         for s in range(n):
             w[CHANGE, s] = 0.75 * w[FORCE + 3, s]
@@ -193,12 +195,12 @@ def try_step(
         wanted = h * (5.0 if error < 1e-3 * LINEAR else 2.0)
         if error <= LINEAR:
             break
-        share = linear_up_to(code, tab, r, mode, w, h, terms) if terms > 0 else 1.0
+        share = linear_up_to(code, tab, r, mode, w, h, terms) if terms > 0 and not error <= KINK else 1.0
         if share < 1.0:
             error, wanted = 0.0, w[CLOCK, WANTED]
             break
         error, terms = cubic(code, tab, r, mode, w, h, place, terms)
-        wanted = h * (min(5.0, max(0.2, 0.9 * max(error, 1e-4) ** -0.25)) if np.isfinite(error) else 0.1)
+        wanted = h * (min(5.0, max(0.2, 0.8 * max(error, 1e-4) ** -0.25)) if np.isfinite(error) else 0.1)
         if error <= 1.0 or not stiff or same(w, tab[NS], place, h, ALIKE):
             break
     status = OK

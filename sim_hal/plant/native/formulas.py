@@ -119,6 +119,12 @@ def _finite(b: Builder, x: Number) -> Number:
     return b.fcmp_ordered("<", _absolute(b, as_float(b, x)), constant(float("inf")))
 
 
+def _truth(b: Builder, x: Number) -> Number:
+    if x.type != BOOL:
+        raise TranslationError("bool of what is no bool")
+    return x
+
+
 def _called(name: str) -> Callable[..., Number]:
     return lambda b, x: external(b, name, (as_float(b, x),))
 
@@ -128,6 +134,7 @@ FORMULAS: dict[Any, Callable[..., Number]] = {
     abs: _absolute,
     min: _least,
     max: _most,
+    bool: _truth,
     int: as_int,
     float: as_float,
     np.sign: _sign,
