@@ -67,7 +67,7 @@ def assemble(model: Model, outputs: Mapping[str, Node], source: str) -> Assemble
     )
     code, ends = builder.code()
     layout = layout._replace(
-        dynamic=ends[0], derivative=ends[1], condition=ends[2], output=ends[3], end=ends[4]
+        modal=ends[0], dynamic=ends[1], derivative=ends[2], condition=ends[3], output=ends[4], end=ends[5]
     )
     table[: len(layout)] = layout
     program = Program(code, table, builder.registers(), layout)
@@ -90,12 +90,12 @@ def _reserve(builder: Builder, model: Model, parameters: tuple[str, ...], flags:
         start_value=builder.room(nu, dynamic),
         slope=builder.room(nu, dynamic),
         segment=builder.room(1, dynamic),
-        flag=builder.block(flags, dynamic),
+        flag=builder.block(flags, Section.MODAL),
         flag_time=builder.room(nf, dynamic),
         state=builder.block(states, dynamic),
         memory=builder.block([_stored(name) for name in model.memories], dynamic),
-        at_lower=builder.room(len(model.memories), dynamic),
-        at_upper=builder.room(len(model.memories), dynamic),
+        at_lower=builder.room(len(model.memories), Section.MODAL),
+        at_upper=builder.room(len(model.memories), Section.MODAL),
         rate=builder.room(len(states), Section.CONDITION),
         force=builder.room(len(model.elements), dynamic),
     )

@@ -33,6 +33,7 @@ from sim_hal.plant.units import channel_unit
 RELATIVE_TOLERANCE = 1e-8
 _ABSOLUTE_TOLERANCE = 1e-13
 _MAX_STEPS = 20_000_000
+_FIRST_STEP_S = 0.01  # tried first, if the run is long enough
 _AT_ONCE = 256  # runs whose workspace is held in memory together
 
 _REASONS = {
@@ -229,7 +230,7 @@ class CompiledPlant:
         span = run.times_s[-1] - run.times_s[0]
         starts = np.zeros((len(values), engine.LASTING, engine.columns_of(layout)))
         limits = self.tolerances
-        clock = [run.times_s[0], 0.05 * span if span > 0 else 1e-3, 0.0]
+        clock = [run.times_s[0], min(0.05 * span, _FIRST_STEP_S) if span > 0 else 1e-3, 0.0]
         starts[:, engine.CLOCK, :6] = [*clock, limits.relative, limits.absolute, limits.steps]
         starts[:, engine.STATE, : layout.ns] = state
         starts[:, engine.SCALE, : layout.ns] = np.abs(state)
@@ -249,7 +250,7 @@ class CompiledPlant:
         registers[:, layout.time] = start_s
         registers[:, layout.state : layout.state + state.shape[1]] = state
         with np.errstate(all="ignore"):
-            engine.execute_rows(program.code, layout.dynamic, layout.derivative, registers)
+            engine.execute_rows(program.code, layout.modal, layout.derivative, registers)
         for name, place in self.assembled.settled.items():
             own = np.array([name in names for names in given])
             column = self.state_names.index(name)
@@ -351,7 +352,7 @@ class CompiledPlant:
                 parameters[:, offset] = np.nan  # optional and absent: nothing may use it
         parameters[:, len(self.assembled.parameters) - 1] = run.times_s[0]
         with np.errstate(all="ignore"):
-            engine.execute_rows(program.code, 0, program.layout.dynamic, registers)
+            engine.execute_rows(program.code, 0, program.layout.modal, registers)
         return registers
 
     def _surface(self, run: Run) -> dict[str, str]:

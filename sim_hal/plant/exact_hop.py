@@ -30,6 +30,7 @@ def expand(p: Floats1, w: Floats2, stiffness: float, push: float, h: float) -> i
     The soil pushes with push − stiffness · (height of the foot).
     """
     count = 1
+    largest = size_of(w, 0, h)
     for n in range(LONGEST - 1):
         inner = p[K] * (w[n, FOOT] - w[n, BODY]) + p[C] * (w[n, FOOT_SPEED] - w[n, BODY_SPEED])
         soil = -stiffness * w[n, FOOT]
@@ -43,10 +44,16 @@ def expand(p: Floats1, w: Floats2, stiffness: float, push: float, h: float) -> i
         w[n + 1, BODY] = share * w[n, BODY_SPEED]
         w[n + 1, BODY_SPEED] = share * (inner / p[M_B] - weight)
         count = n + 2
-        last = abs(w[n + 1, FOOT_SPEED]) + abs(w[n + 1, BODY_SPEED])
-        if n > 3 and last <= 1e-17 * (abs(w[0, FOOT_SPEED]) + abs(w[0, BODY_SPEED]) + abs(w[1, BODY_SPEED])):
+        size = size_of(w, n + 1, h)
+        largest = max(largest, size)
+        if size <= 1e-17 * largest:
             break
     return count
+
+
+def size_of(w: Floats2, n: int, h: float) -> float:
+    """Size of a term, as a speed."""
+    return float(abs(w[n, FOOT_SPEED]) + abs(w[n, BODY_SPEED]) + (abs(w[n, FOOT]) + abs(w[n, BODY])) / h)
 
 
 def at(w: Floats2, count: int, column: int, share: float) -> float:

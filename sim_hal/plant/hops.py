@@ -14,8 +14,8 @@ from sim_hal.plant.program import Floats
 from sim_hal.plant.run import Run, SimulationError
 
 FIRE, COMPRESSION = "fire_command", "spring_compression_m"
-_TOLERANCE = 1e-7
-_NO_SPEED = 1e-6  # m/s, of the centre of mass when it surely moves
+_TOLERANCE = 5e-7
+_RISEN = 0.01  # m/s, of the centre of mass; less would lift it by 5 µm
 #: Momentum of the centre of mass upwards, by geometry.
 _RISING = {
     "vertical": "body_mass * v_b + leg_mass * v_l",
@@ -29,10 +29,14 @@ class Hops:
     def __init__(self, plant: Plant, surface: str, relative_tolerance: float = _TOLERANCE) -> None:
         rising = _RISING[plant.geometry]
         flags = {
-            "risen": parse(f"{rising} >= (body_mass + leg_mass) * {_NO_SPEED}"),
+            "risen": parse(f"{rising} >= {_RISEN} * (body_mass + leg_mass)"),
             "highest": parse(f"risen and {rising} <= 0"),
         }
         structure = replace(plant.structure, flags={**plant.structure.flags, **flags})
+        if surface not in plant.surfaces:
+            raise SimulationError(
+                f"surface {surface!r} is not in the plant file; known: {', '.join(plant.surfaces)}"
+            )
         self._plant = plant
         self._surface = surface
         self._compiled = compile_plant(
@@ -56,6 +60,11 @@ class Hops:
         rows = np.broadcast_to(self.values if values is None else values, (count, len(self.values)))
         if not np.all(compression_m > 0.0) or not np.all(np.isfinite(compression_m)):
             raise SimulationError("spring_compression_m must be a finite number above 0")
+        if not np.isfinite(rows).all():
+            row, column = np.argwhere(~np.isfinite(rows))[0]
+            raise SimulationError(
+                f"{self.parameter_names[column]} = {rows[row, column]} is not a finite number"
+            )
         if count == 0:
             return np.empty(0)
         return (
@@ -81,22 +90,27 @@ class Hops:
         return self.parameter_names.index(f"{self._surface}.{name}" if own else name)
 
     def _integrated(self, compression_m: Floats, values: Floats, conditions: dict[str, float]) -> Floats:
-        known = {COMPRESSION: compression_m}
-        run = Run(
-            np.array([0.0, self._longest_s(compression_m, values)]),
-            events={FIRE: 0.0},
-            known={COMPRESSION: 0.0},
-            conditions={"surface": self._surface, **conditions},
-        )
-        before = self._compiled.starts(values, run, known)
-        _, after = self._compiled.until("highest", values, run, known)
-        return self._centres_m(values, after) - self._centres_m(values, before)
+        longest = self._longest_s(compression_m, values)
+        heights = np.empty(len(values))
+        for until_s in np.unique(longest):
+            rows = longest == until_s
+            known = {COMPRESSION: compression_m[rows]}
+            run = Run(
+                np.array([0.0, until_s]),
+                events={FIRE: 0.0},
+                known={COMPRESSION: 0.0},
+                conditions={"surface": self._surface, **conditions},
+            )
+            before = self._compiled.starts(values[rows], run, known)
+            _, after = self._compiled.until("highest", values[rows], run, known)
+            heights[rows] = self._centres_m(values[rows], after) - self._centres_m(values[rows], before)
+        return heights
 
-    def _longest_s(self, compression_m: Floats, values: Floats) -> float:
-        """Longer than any of the hops can rise: by the energy of its spring."""
+    def _longest_s(self, compression_m: Floats, values: Floats) -> Floats:
+        """Longer than each hop can rise, by the energy of its spring: powers of 4, so that many share a schedule."""
         k, g, m_b, m_l = (values[:, self._column(name)] for name in ("k", "g", "m_b", "m_l"))
         speed = np.sqrt((k * compression_m + 2.0 * m_b * g) * compression_m / (m_b + m_l))
-        return float(np.max(1.0 + 2.0 * speed / g))
+        return np.asarray(4.0 ** np.ceil(np.log2(1.0 + 2.0 * speed / g) / 2.0))
 
     def _centres_m(self, values: Floats, states: Floats) -> Floats:
         """Height of the centre of mass."""

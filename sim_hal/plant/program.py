@@ -1,9 +1,9 @@
 """From formulas to a flat program for a register machine.
 
 Each distinct subexpression is computed once and has its own register. What depends on parameters alone runs
-once per run (section STATIC), what the rates need at every evaluation (DYNAMIC), their derivatives once a step
-(JACOBIAN), what only locating events needs (CONDITION) and what only the outputs need (OUTPUT) when those are asked
-for.
+once per run (section STATIC), on flags too once an event (MODAL), what the rates need at every evaluation (DYNAMIC),
+their derivatives once a step (JACOBIAN), what only locating events needs (CONDITION) and what only the outputs need
+(OUTPUT) when those are asked for.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ class Section(IntEnum):
     """When a piece of the program runs."""
 
     STATIC = 0
-    DYNAMIC = 1
-    JACOBIAN = 2
-    CONDITION = 3
-    OUTPUT = 4
+    MODAL = 1
+    DYNAMIC = 2
+    JACOBIAN = 3
+    CONDITION = 4
+    OUTPUT = 5
 
 
 _ARITHMETIC = (
@@ -100,7 +101,8 @@ class Layout(NamedTuple):
     watches: int = 0  # (nw,): what changes sign at a kink of the rates
     trends: int = 0  # (nw + nf,): rates of these and of the flags' conditions along the solution
     outputs: int = 0  # (no,)
-    dynamic: int = 0  # instructions from here on; the static section begins at 0
+    modal: int = 0  # instructions from here on; the static section begins at 0
+    dynamic: int = 0
     derivative: int = 0
     condition: int = 0
     output: int = 0
@@ -155,8 +157,13 @@ class Builder:
             self._constants[value] = self.anonymous(Section.STATIC)
         return self._constants[value]
 
-    def emit(self, node: Node, section: Section, watch: bool = True) -> int:
-        """Register that holds the node's value from `section` on; `watch` its kinks."""
+    def emit(
+        self, node: Node, section: Section, watch: bool = True, beside: frozenset[Node] = frozenset()
+    ) -> int:
+        """Register that holds the node's value from `section` on; `watch` its kinks.
+
+        `beside` are the factors of a product that the node belongs to: |x| beside x has no kink.
+        """
         if isinstance(node, Num):
             return self.constant(node.value)
         if isinstance(node, Name):
@@ -167,7 +174,8 @@ class Builder:
             return self.rate_of[_name(node)]
         if node.op == "since":
             return self.instruction("since", self.flag_of[_name(node)], section)
-        operands = tuple(self.emit(arg, section, watch) for arg in node.args)
+        factors = _factors(node) | beside if node.op == "*" else frozenset[Node]()
+        operands = tuple(self.emit(arg, section, watch, factors) for arg in node.args)
         if node.op == "**" and node.args[1] == Num(2.0):
             return self.instruction("square", operands[:1], section)
         if node.op in ("min", "max", "and", "or"):
@@ -177,13 +185,13 @@ class Builder:
                     self._kink(node, (result, operand), section)
                 result = self.instruction(node.op, (result, operand), section)
             return result
-        if watch:
+        if watch and not (node.op == "abs" and node.args[0] in beside):
             self._kink(node, operands, section)
         return self.instruction(node.op, operands, section)
 
     def _kink(self, node: Op, operands: tuple[int, ...], section: Section) -> None:
         """Note where the rates have a kink: steps shall end there."""
-        moving = any(self._section[operand] is not Section.STATIC for operand in operands)
+        moving = any(self._section[operand] > Section.MODAL for operand in operands)
         if node.op in KINKS and section is Section.DYNAMIC and moving:
             self._kinks.setdefault(operands, node)
 
@@ -201,8 +209,8 @@ class Builder:
         Derivatives are computed at other times than the rest of what comes after the rates: they share nothing.
         """
         known = max(self._section[operand] for operand in operands)
-        # A time since a flag also reads the clock, so it never is static.
-        own = Section.STATIC if known is Section.STATIC and op != "since" else max(section, known)
+        # A time since a flag also reads the clock, so it always moves.
+        own = known if known <= Section.MODAL and op != "since" else max(section, known)
         derivative = own is Section.JACOBIAN
         target = self._memo.get((op, operands, False), self._memo.get((op, operands, True)))
         if target is None or not self._is_there(target, derivative):
@@ -237,6 +245,13 @@ class Builder:
         for value, register in self._constants.items():
             content[register] = value
         return content
+
+
+def _factors(node: Node) -> frozenset[Node]:
+    """Factors of a product, or the node itself."""
+    if isinstance(node, Op) and node.op == "*":
+        return frozenset[Node]().union(*(_factors(arg) for arg in node.args))
+    return frozenset([node])
 
 
 def _name(node: Op) -> str:

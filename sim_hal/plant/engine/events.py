@@ -17,6 +17,7 @@ from sim_hal.plant.engine.machine import (
     CHATTER,
     CONDITION,
     CONDITIONS,
+    DYNAMIC,
     EMPTY_BAND,
     FLAG,
     FLAG_TIME,
@@ -28,6 +29,7 @@ from sim_hal.plant.engine.machine import (
     LOWER,
     LOWER_SLOPE,
     MEMORY,
+    MODAL,
     NF,
     NO_GRIP,
     NS,
@@ -85,6 +87,7 @@ def take_sides(tab: Ints1, r: Floats1, mode: Ints1, every: bool) -> bool:
 def settle(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, t: float) -> int:
     """Bring flags, friction modes and memories into agreement with the state; gives the rates (row START) there."""
     for _ in range(100):
+        execute(code, tab[MODAL], tab[DYNAMIC], r)
         if not rates_at(code, tab, r, mode, w, t, STATE, RATE + START):
             return NO_GRIP
         execute(code, tab[CONDITION], tab[OUTPUT], r)
@@ -100,6 +103,7 @@ def settle(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, t: floa
         if breaks and release(tab, r, mode, w, RATE + START):
             continue
         settle_memories(tab, r, mode, w)
+        execute(code, tab[MODAL], tab[DYNAMIC], r)
         take_sides(tab, r, mode, True)
         return OK
     return CHATTER

@@ -48,21 +48,9 @@ def strength(w: Floats2, n: int) -> tuple[float, float]:
     return diagonal + np.sqrt(coupled), np.sqrt(swing)
 
 
-def spans(w: Floats2, n: int) -> None:
-    """Note from where to where each row of the derivatives is not 0."""
-    for s in range(n):
-        first, last = n, 0
-        for c in range(n):
-            if w[JAC + s, c] != 0.0:
-                first = min(first, c)
-                last = c + 1
-        w[SPAN, s], w[SPAN + 1, s] = first, last
-
-
 def series(tab: Ints1, w: Floats2, h: float) -> int:
     """Taylor coefficients of the increment by θ, in rows from TERMS on; how many, or 0 if they do not end."""
     n = tab[NS]
-    spans(w, n)
     cut = max(1e-16, 1e-3 * w[CLOCK, RELATIVE])
     quiet = 0
     for s in range(n):

@@ -25,6 +25,7 @@ from sim_hal.plant.engine.machine import (
     SEGMENT,
     SLOPE,
     SLOTS,
+    SPAN,
     START_VALUE,
     STATE_AT,
     TIME_AT,
@@ -92,6 +93,18 @@ def jacobian_at(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2) ->
         for c in range(columns):
             if not np.isfinite(w[JAC + s, c]):
                 w[JAC + s, c] = 0.0
+    spans(w, tab[NS])
+
+
+def spans(w: Floats2, n: int) -> None:
+    """Note from where to where each row of the derivatives is not 0."""
+    for s in range(n):
+        first, last = n, 0
+        for c in range(n):
+            if w[JAC + s, c] != 0.0:
+                first = min(first, c)
+                last = c + 1
+        w[SPAN, s], w[SPAN + 1, s] = first, last
 
 
 def hold_still(tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, c: int) -> None:
