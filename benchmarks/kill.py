@@ -24,7 +24,7 @@ import signal
 import struct
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,9 @@ from hal.tap import tap_board
 from sim_hal.board import SimBoard
 
 LOADED_M = 0.001
+STARTING_SHARE = 0.05  # of the kills, while the software starts
+START_S = 0.2  # wall time that starting may take
+TICK_S = 0.005  # wall time of the order of a tick
 _PAGE = struct.Struct("<ddd????I")
 
 
@@ -155,8 +158,12 @@ def live(folder: Path, number: int, page: mmap.mmap, energy_j: float, seed: int)
         fly(tap_board(board, tap), settings, MissionPlan("kill", (HopPlan(energy_j, "steel"),)), tap, watch)
 
 
-def killed(job: Any, after_s: float) -> bool:
-    """Run a job in a process of its own and kill it after a time; whether it was still alive then."""
+def killed(job: Callable[[], None], page: mmap.mmap, at_s: float, after_s: float) -> bool:
+    """Run a job in a process of its own and kill it; whether it was still alive then.
+
+    It is killed some wall time [s] after it has come to a flight time [s]: instants are as random on a busy machine
+    as on an idle one, and neither depends on where in its tick the job is.
+    """
     child = os.fork()
     if child == 0:
         code = 1
@@ -165,17 +172,24 @@ def killed(job: Any, after_s: float) -> bool:
             code = 0
         finally:
             os._exit(code)
-    end_s = time.monotonic() + after_s
-    while time.monotonic() < end_s:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            if os.waitstatus_to_exitcode(status):
-                raise SystemExit("a life ended in an error of its own")
+    while Truth.read(page).logged_s < at_s:
+        if ended(child):
             return False
         time.sleep(0.0005)
+    time.sleep(after_s)
+    if ended(child):
+        return False
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
     return True
+
+
+def ended(child: int) -> bool:
+    """Whether a process has ended by itself; ends this one too when that was by an error."""
+    done, status = os.waitpid(child, os.WNOHANG)
+    if done and os.waitstatus_to_exitcode(status):
+        raise SystemExit("a life ended in an error of its own")
+    return bool(done)
 
 
 def judge(folder: Path, number: int, truth: Truth, figures: dict[str, float]) -> None:
@@ -217,12 +231,8 @@ def run(kills: int, seed: int) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as name:
         folder, number = Path(name), 0
         Truth().write(page)
-        start = time.monotonic()
-        live(folder, -1, page, 1.0, seed)  # compiles the plant, and tells how long a life lasts
-        life_s = time.monotonic() - start
-        start = time.monotonic()
-        live(folder, -2, page, 1.0, seed)
-        life_s = time.monotonic() - start
+        live(folder, -1, page, 1.5, seed)  # compiles the plant, and tells how long a mission lasts
+        mission_s = Truth.read(page).logged_s
         while figures["kills"] < kills:
             energy_j, life_seed = rng.uniform(0.6, 1.5), rng.randrange(2**31)
             number += 1
@@ -230,7 +240,9 @@ def run(kills: int, seed: int) -> dict[str, float]:
             before = replace(Truth.read(page), logged_s=-1.0, magnet_on=False, armed=False, fires=0)
             before.write(page)
             job = lambda n=number, e=energy_j, s=life_seed: live(folder, n, page, e, s)  # noqa: E731
-            cut = killed(job, rng.uniform(0.0, life_s))
+            starting = rng.random() < STARTING_SHARE
+            at_s = -1.0 if starting else rng.uniform(0.0, mission_s)
+            cut = killed(job, page, at_s, rng.uniform(0.0, START_S if starting else TICK_S))
             truth = Truth.read(page)
             figures["hops"] += truth.fires
             if cut:
