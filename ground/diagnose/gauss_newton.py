@@ -71,7 +71,8 @@ def minimise(
         done = gained <= 0.0 or (gained <= tolerance * before and damping <= SETTLED)
         last = done and (fresh or rough)
         if gained > 0.0:
-            jacobian = _updated(jacobian, z_new - z, r_new - r)
+            if not (last and fresh):  # what was just simulated is better than what one tiny step teaches
+                jacobian = _updated(jacobian, z_new - z, r_new - r)
             z, r = z_new, r_new
         if last:
             return Least(z, r, jacobian, fresh)

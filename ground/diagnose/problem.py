@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ground.diagnose.gauss_newton import Columns, minimise
 from ground.diagnose.segments import Segment, head_of_run
+from sim_hal.plant.plant import check_use
 from sim_hal.plant.simulate import CompiledPlant, Plant, SimulationError, compile_plant
 
 Float = NDArray[np.float64]
@@ -23,6 +24,7 @@ Ranges = Mapping[str, tuple[float, float, float]]
 PRIOR_REACH = 3.0
 STEP = 1e-3
 """One-sided difference step in scaled units: above the integrator's error, below where curvature shows."""
+SHIFTED_SAMPLES = 2.0
 PRECISE_STEP = 1e-2
 PRECISE_TOLERANCE = 1e-10
 """For covariances: central differences. Parameters that only occur as ratios (all masses and stiffnesses scaled
@@ -59,7 +61,8 @@ class FitProblem:
     """A plant with chosen effects on given segments: residuals and sensitivities in scaled unknowns.
 
     `ranges` gives the fit start, lower and upper limit of each effect parameter that has no prior of its own, by
-    flat name. With `frozen` values nothing is fitted but the open initial states.
+    flat name. With `frozen` values nothing is fitted but the open initial states. Where a parameter shifts a
+    channel in time, differences look past the next sample: an edge between two samples tells nothing beyond them.
     """
 
     def __init__(
@@ -83,6 +86,8 @@ class FitProblem:
         self.free = parameters + self._initial_states()
         sizes = [segment.observed.size for segment in segments]
         self._edges = np.concatenate([[0], np.cumsum(sizes)])
+        shifts = sample_shifts(plant, segments)
+        self._shifts = np.array([shifts.get(one.name, 0.0) / one.scale for one in self.free])
 
     def _parameters(self, ranges: Ranges) -> list[Free]:
         """What is fitted: effect parameters within their ranges, nominal ones within their tolerances."""
@@ -149,7 +154,9 @@ class FitProblem:
         """Derivative of the residuals by the unknowns `columns`, (rows, columns), by one-sided differences."""
         jacobian = np.zeros((base.size, columns.size))
         for place, column in enumerate(columns):
-            step = STEP if z[column] + STEP <= self.free[column].bounds()[1] else -STEP
+            step = max(STEP, float(self._shifts[column]))
+            if z[column] + step > self.free[column].bounds()[1]:
+                step = -step
             for rows, moved in self._moved(z, int(column), step):
                 jacobian[rows, place] = (moved - base[rows]) / step
         return jacobian
@@ -158,11 +165,10 @@ class FitProblem:
         """The same by central differences of a wider step; for problems made with `PRECISE_TOLERANCE`."""
         jacobian = np.zeros((int(self._edges[-1]), len(self.free)))
         for column in range(len(self.free)):
-            pairs = zip(
-                self._moved(z, column, PRECISE_STEP), self._moved(z, column, -PRECISE_STEP), strict=True
-            )
+            step = max(PRECISE_STEP, float(self._shifts[column]))
+            pairs = zip(self._moved(z, column, step), self._moved(z, column, -step), strict=True)
             for (rows, up), (_, down) in pairs:
-                jacobian[rows, column] = (up - down) / (2.0 * PRECISE_STEP)
+                jacobian[rows, column] = (up - down) / (2.0 * step)
         return jacobian
 
     def _moved(self, z: Float, column: int, step: float) -> Iterator[tuple[slice, Float]]:
@@ -194,6 +200,19 @@ class FitProblem:
             return z
         none = np.full(z.size, np.inf)
         return minimise(self.residuals, self.sensitivities, z, -none, none, tolerance=1e-8, iterations=15).z
+
+
+def sample_shifts(plant: Plant, segments: Sequence[Segment]) -> dict[str, float]:
+    """Change of each parameter that shifts a channel in time (a delay, a clock's rate) that shifts it by samples."""
+    times = [segment.run.times_s for segment in segments]
+    shift_s = SHIFTED_SAMPLES * max(float(np.median(np.diff(at))) for at in times)
+    duration_s = max(float(at[-1] - at[0]) for at in times)
+    found: dict[str, float] = {}
+    for use in plant.effects:
+        form = check_use(plant, use)
+        size = shift_s if form.delay else shift_s / duration_s if form.skew else 0.0
+        found |= {f"{plant.prefix(use)}.{p.name}": size for p in form.parameters if p.strength and size}
+    return found
 
 
 def limited(plant: Plant, segments: Sequence[Segment], tolerance: float) -> CompiledPlant:

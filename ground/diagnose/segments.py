@@ -1,8 +1,9 @@
 """Recordings cut into the stretches that a fit simulates, and what each channel can be trusted to.
 
-A recording of the built-in kinds is simulated whole, from its known start. A long recording of a rig that is
-described by equations is cut into windows, each anchored anew at its first samples (multiple shooting): an
-unmodelled force then moves a window's end, not the whole rest of the recording (Bock and Plitt 1984).
+A recording of the built-in kinds is simulated whole, from its known start, as is that of a rig with a state whose
+start is given. A long recording of a rig whose equations may start anywhere is cut into windows, each anchored anew
+at its first samples (multiple shooting): an unmodelled force then moves a window's end, not the whole rest of the
+recording (Bock and Plitt 1984).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from ground.recordings.model import Recording
 from ground.recordings.plant_run import to_run
 from sim_hal.plant.expressions import Name
 from sim_hal.plant.simulate import CompiledPlant, Plant, Run
-from sim_hal.plant.structure import FIT
+from sim_hal.plant.structure import FIT, State
 
 Float = NDArray[np.float64]
 
@@ -84,9 +85,7 @@ def open_scales(compiled: CompiledPlant, run: Run, observed: Float) -> dict[str,
         spread = np.array([np.ptp(c[np.isfinite(c)]) if np.isfinite(c).any() else 0.0 for c in observed.T])
     scales = {}
     for name, state in compiled.plant.structure.states.items():
-        if state.initial != FIT and not (
-            isinstance(state.initial, Name) and state.initial.id.startswith("first(")
-        ):
+        if not is_open(state):
             continue
         there = compiled.run(compiled.values, head, {**start, name: start[name] + 1.0})
         here = compiled.run(compiled.values, head, start)
@@ -94,6 +93,11 @@ def open_scales(compiled: CompiledPlant, run: Run, observed: Float) -> dict[str,
         strength = float(np.sqrt(np.mean(moved**2)))
         scales[name] = 1e-2 / strength if strength > 0.0 else 1.0
     return scales
+
+
+def is_open(state: State) -> bool:
+    """Whether a state's start is fitted or read from a channel, and may so be found anew at any sample."""
+    return state.initial == FIT or (isinstance(state.initial, Name) and state.initial.id.startswith("first("))
 
 
 def head_of_run(run: Run, share: float = 0.03, least: int = 30) -> Run:
@@ -106,8 +110,9 @@ def head_of_run(run: Run, share: float = 0.03, least: int = 30) -> Run:
 def segments_to_fit(
     recordings: Sequence[Recording], plant: Plant, compiled: CompiledPlant
 ) -> tuple[Segment, ...]:
-    """The stretches that a fit uses: whole runs of the built-in kinds, windows of rigs given as equations."""
-    if plant.kind != "equations":
+    """The stretches that a fit uses: windows of an equation rig that can start at any sample, else whole runs."""
+    cut = plant.kind == "equations" and all(map(is_open, compiled.plant.structure.states.values()))
+    if not cut:
         return tuple(segment_of(recording, plant, compiled) for recording in recordings)
     segments: list[Segment] = []
     per_recording = math.ceil(WINDOWS_WANTED / len(recordings))
