@@ -169,9 +169,14 @@ def _three_feet(ground: GroundSettings) -> GroundSettings:
 
 
 @cache
+def _base() -> FlightSettings:
+    """The configured flight settings."""
+    return load()
+
+
 def _settings_of(rig: str, body: str, foot: str, rate_hz: float) -> FlightSettings:
     """What flight is told: the nominal rig and the sensors' data sheets."""
-    base = load()
+    base = _base()
     own = base.rig
     if rig == "bb0b_arm":
         own = replace(own, geometry="arm", foot=foot)
