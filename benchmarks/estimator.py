@@ -2,7 +2,7 @@
 
     python -m benchmarks.estimator [--json FILE] [--count N] [--seed S] [--processes P]
 
-N broad hops and N/4 nominal ones (benchmarks/hop_cases.py says how they are drawn). `..._nominal` figures are of the
+N broad hops and N/4 nominal ones (benchmarks/hop_draws.py says how they are drawn). `..._nominal` figures are of the
 nominal hops, all others of the broad ones. Wrong and unflagged: a `valid` hop whose time of flight or energy is off
 by more than 5 of its own sigmas. Coverage: share of both quantities' 95 % intervals that hold the truth. The bound
 is that of benchmarks/flight_bound.py. The textbook's estimators state no sigma, so they have no such figures.

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.hop_cases import HopCase, SimulatedHop
+from benchmarks.hop_cases import SimulatedHop
+from benchmarks.hop_draws import HopCase
 from flight.evaluation import evaluate_hop
 from flight.record import HopRecord, HopRecorder
 
