@@ -14,15 +14,11 @@ from flight.energy import RigConstants
 from flight.settings import RigSettings
 from flight.uncertain import Uncertain
 from hal.config import config_path
-from sim_hal.hop import FIRE
-from sim_hal.plant.compiled import CompiledPlant
-from sim_hal.plant.expressions import Name
-from sim_hal.plant.simulate import Plant, Run, compile_plant, load_plant
-from sim_hal.truth import LOOK_S, REFERENCE, SYMBOLS, Trace, apex_m
+from sim_hal.plant.hops import Hops
+from sim_hal.plant.simulate import Plant, load_plant
+from sim_hal.truth import REFERENCE
 
 PLANT = "plant/bb0b_hop_arm.yaml"
-_LONGEST_S = 0.6
-"""Beyond the apex of every hop of this rig on Earth."""
 
 
 def on_arm(rig: RigSettings, foot: str) -> RigSettings:
@@ -44,30 +40,20 @@ class HopModel:
     foot: str
     plant_path: Path = field(default_factory=lambda: config_path(PLANT))
     _plant: Plant = field(init=False)
-    _compiled: CompiledPlant = field(init=False)
+    _hops: dict[str, Hops] = field(init=False, default_factory=dict)
     _steel: dict[tuple[float, tuple[tuple[str, float], ...]], float] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         self.rig = on_arm(self.rig, self.foot)
         self._plant = load_plant(self.plant_path).with_values(foot_values(self.rig, self.foot))
-        self._compiled = compile_plant(self._plant, extra={name: Name(name) for name in SYMBOLS})
 
     def apex_m(self, surface: str, compression_m: float, values: Mapping[str, float]) -> float:
         """Apex of the centre of mass above its start [m]."""
-        known, compiled = self._plant.flat(), self._compiled
-        wanted = np.array([values.get(name, parameter.value) for name, parameter in known.items()])
-        run = Run(
-            times_s=np.arange(0.0, _LONGEST_S, LOOK_S),
-            events={FIRE: 0.0},
-            known={"spring_compression_m": compression_m},
-            conditions={"surface": surface, "foot": float(self.foot), "tilt_deg": 0.0, "hop_index": 0.0},
-        )
-        outputs = dict(zip(compiled.output_names, compiled.run(wanted, run).T, strict=True))
-        by_name = dict(zip(known, wanted, strict=True))
-        radius_m = by_name["L_CoM"]
-        body_m, leg_m = (radius_m * np.sin(outputs[name] / radius_m) for name in ("z_b", "z_l"))
-        com_m = (by_name["m_b"] * body_m + by_name["m_l"] * leg_m) / (by_name["m_b"] + by_name["m_l"])
-        return apex_m(Trace(run.times_s, com_m - com_m[0], outputs["z_l"], outputs["ground_force"], 0.0))
+        if surface not in self._hops:
+            self._hops[surface] = Hops(self._plant, surface)
+        wanted = np.array([values.get(name, known.value) for name, known in self._plant.flat().items()])
+        compression = np.array([compression_m])
+        return float(self._hops[surface].heights_m(compression, wanted, foot=float(self.foot))[0])
 
     def c3(self, surface: str, compression_m: float, values: Mapping[str, float]) -> float:
         """Share of the jump energy that the ground takes: 1 - apex there/apex on steel, all else equal."""
