@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +22,7 @@ GRID_TOLERANCE_S = 1e-9
 """A sample instant this little after `now` counts as reached: sums of tick periods round either way."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(NamedTuple):
     """One delivered value."""
 
     time_s: float
@@ -42,6 +41,13 @@ def _broken(value: float, noise: float, fault: Fault, latest: Sample | None) -> 
     if fault.kind == "stick" and latest is not None:
         return latest.value
     return value
+
+
+def _digital(value: float, step: float, low: float, high: float) -> float:
+    """Rounded to the step, then limited to the range."""
+    if step > 0.0:
+        value = round(value / step) * step
+    return low if value < low else high if value > high else value
 
 
 class SampledSensor:
@@ -103,20 +109,16 @@ class SampledSensor:
         if fault is not None and fault.kind in ("silent", "fail"):
             return True
         # plain numbers: most batches are of one sample, for which arrays take several times as long
+        step, noise_std, low, high = self.step, mode.noise_std, mode.low, mode.high
         for time_s, true, noise in zip(instants, truth, drawn, strict=True):
-            measured = true + mode.noise_std * noise
-            shown = self._digital(measured)
+            measured = true + noise_std * noise
+            shown = _digital(measured, step, low, high)
             if fault is not None:
-                healthy, shown = shown, self._digital(_broken(measured, noise, fault, stuck_at))
+                healthy = shown
+                shown = _digital(_broken(measured, noise, fault, stuck_at), step, low, high)
                 differs = differs or shown != healthy
-            self._append(Sample(time_s, shown, not mode.low < shown < mode.high))
+            self._append(Sample(time_s, shown, not low < shown < high))
         return differs
-
-    def _digital(self, value: float) -> float:
-        """Rounded to the step, then limited to the range."""
-        if self.step > 0.0:
-            value = round(value / self.step) * self.step
-        return min(max(value, self._mode.low), self._mode.high)
 
     def _append(self, sample: Sample) -> None:
         self._overrun = self._overrun or len(self._fifo) == self._fifo.maxlen

@@ -2,38 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_hal.plant import engine
-from sim_hal.plant.assemble import Assembled, assemble, fitted
-from sim_hal.plant.compose import Model, compose
+from sim_hal.plant.assemble import assemble
+from sim_hal.plant.compose import compose
 from sim_hal.plant.engine import Limits, Machine, Schedule
-from sim_hal.plant.expressions import Name, Node
+from sim_hal.plant.expressions import Node
 from sim_hal.plant.plant import Plant, check_use, check_values
-from sim_hal.plant.program import Floats, Ints, Program
+from sim_hal.plant.program import Floats, Ints
 from sim_hal.plant.run import (
-    Lateness,
     Run,
     SimulationError,
     check_times,
     prolonged,
     schedule,
-    smoothed_start,
 )
-from sim_hal.plant.structure import Balance
+from sim_hal.plant.starting import Starting
 from sim_hal.plant.units import channel_unit
 
-#: Error per step relative to each state; with a floor for states that stay at zero, and a limit of work.
-RELATIVE_TOLERANCE = 1e-8
+#: Error per step relative to each state (runs of the shipped rigs come out within 1e-7 of their outputs' ranges), a
+#: floor for states that stay at zero, and a limit of work.
+RELATIVE_TOLERANCE = 1e-6
 _ABSOLUTE_TOLERANCE = 1e-13
 _MAX_STEPS = 20_000_000
-_FIRST_STEP_S = 0.01  # tried first, if the run is long enough
 _AT_ONCE = 256  # runs whose workspace is held in memory together
 
 _REASONS = {
@@ -47,34 +42,12 @@ _REASONS = {
 
 
 @dataclass(frozen=True)
-class CompiledPlant:
+class CompiledPlant(Starting):
     """Runs of one plant structure with any parameter values. Made by `compile_plant`.
 
     parameter_names, values: (n_par,), flat names and nominal values (SI). output_units by channel.
     balances: where a missing force may enter, by name.
     """
-
-    plant: Plant
-    model: Model
-    assembled: Assembled
-    parameter_names: tuple[str, ...]
-    values: Floats
-    output_names: tuple[str, ...]
-    output_units: tuple[str, ...]
-    tolerances: Limits
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        return tuple(self.model.states)
-
-    @property
-    def balances(self) -> dict[str, Balance]:
-        return dict(self.plant.structure.balances)
-
-    @property
-    def fitted_initial_states(self) -> tuple[str, ...]:
-        """States with `initial: fit`."""
-        return fitted(self.model.states)
 
     def run(self, values: Floats, run: Run, initial: Mapping[str, float] | None = None) -> Floats:
         """Outputs at the run's times, (n, n_outputs), SI; `initial` overrides initial states by name.
@@ -136,10 +109,6 @@ class CompiledPlant:
         except SimulationError as error:
             return error
 
-    def starts(self, values: Floats, run: Run, known: Mapping[str, Floats] | None = None) -> Floats:
-        """States at the start, (n, n_states), for each row of `values`; `known` as for `until`."""
-        return self._start(self._registers(values, run, known or {}), run)
-
     def until(
         self, flag: str, values: Floats, run: Run, known: Mapping[str, Floats] | None = None
     ) -> tuple[Floats, Floats]:
@@ -188,96 +157,6 @@ class CompiledPlant:
         check_times(run.times_s)
         return schedule(self.plant.structure, run, self.assembled.flags, samples)
 
-    def initial_values(self, values: Floats, run: Run) -> dict[str, float]:
-        """Initial states by name; those to be fitted get a guess from the first samples, or 0."""
-        state = self._start(self._registers(values[np.newaxis], run), run)
-        return dict(zip(self.state_names, state[0].tolist(), strict=True))
-
-    def _start(self, registers: Floats, run: Run) -> Floats:
-        """Initial states (n, n_states)."""
-        state = np.empty((len(registers), len(self.state_names)))
-        for column, name in enumerate(self.state_names):
-            place = self.assembled.initial.get(name)
-            state[:, column] = self._guess(name, run) if place is None else registers[:, place]
-        return state
-
-    def machine(self, values: Floats, run: Run, initial: Mapping[str, float] | None = None) -> Machine:
-        """The engine's moving parts at the start of a run."""
-        return self._machines(values[np.newaxis], run, [initial or {}])
-
-    def _machines(
-        self,
-        values: Floats,
-        run: Run,
-        initial: Sequence[Mapping[str, float]],
-        known: Mapping[str, Floats] | None = None,
-    ) -> Machine:
-        """The engine's moving parts at the start of several runs."""
-        check_times(run.times_s)
-        registers = self._registers(values, run, known or {})
-        layout = self.assembled.program.layout
-        state = self._start(registers, run)
-        for row, own in enumerate(initial):
-            for name, value in own.items():
-                if name not in self.state_names:
-                    raise SimulationError(
-                        f"no state {name!r} to start at; states: {', '.join(self.state_names)}"
-                    )
-                state[row, self.state_names.index(name)] = value
-        for offset, place in enumerate(self.assembled.memory_initial):
-            registers[:, layout.memory + offset] = registers[:, place]
-        self._settle(registers, state, run.times_s[0], initial)
-        span = run.times_s[-1] - run.times_s[0]
-        starts = np.zeros((len(values), engine.LASTING, engine.columns_of(layout)))
-        limits = self.tolerances
-        clock = [run.times_s[0], min(0.05 * span, _FIRST_STEP_S) if span > 0 else 1e-3, 0.0]
-        starts[:, engine.CLOCK, :6] = [*clock, limits.relative, limits.absolute, limits.steps]
-        starts[:, engine.STATE, : layout.ns] = state
-        starts[:, engine.SCALE, : layout.ns] = np.abs(state)
-        for column, name in enumerate(self.state_names):
-            starts[:, engine.WEIGHT, column] = self._present(values, self.model.strengths.get(name))
-        room = np.zeros((engine.rows_of(layout), engine.columns_of(layout)))
-        return Machine(registers, self._modes(values), starts, room)
-
-    def _settle(
-        self, registers: Floats, state: Floats, start_s: float, given: Sequence[Mapping[str, float]]
-    ) -> None:
-        """Start the states that other states tell, such as a filter's, where those put them."""
-        if not self.assembled.settled:
-            return
-        program = self.assembled.program
-        layout = program.layout
-        registers[:, layout.time] = start_s
-        registers[:, layout.state : layout.state + state.shape[1]] = state
-        with np.errstate(all="ignore"):
-            engine.execute_rows(program.code, layout.modal, layout.derivative, registers)
-        for name, place in self.assembled.settled.items():
-            own = np.array([name in names for names in given])
-            column = self.state_names.index(name)
-            state[:, column] = np.where(own, state[:, column], registers[:, place])
-
-    def _modes(self, values: Floats) -> Ints:
-        """Modes (n, n_modes) of friction elements, memories and kinks: those without strength are left out."""
-        model = self.model
-        found = [(element.strengths, engine.OFF) for element in model.elements]
-        found += [(model.strengths.get(name), engine.IDLE) for name in model.memories]
-        found += [(model.kinks.get(node), engine.IDLE) for node in self.assembled.kinks]
-        modes = np.zeros((len(values), len(found)), dtype=np.int64)
-        for column, (strengths, off) in enumerate(found):
-            modes[:, column] = np.where(self._present(values, strengths), 0, off)
-        return modes
-
-    def _present(self, values: Floats, strengths: tuple[str, ...] | None) -> NDArray[np.bool_]:
-        """In which rows something has a strength; what has none of its own always is there."""
-        if not strengths:
-            return np.ones(len(values), dtype=bool)
-        own = values[:, [self._index[name] for name in strengths]]
-        return np.asarray(np.any(own != 0.0, axis=1))
-
-    @cached_property
-    def _index(self) -> dict[str, int]:
-        return {name: number for number, name in enumerate(self.parameter_names)}
-
     def follow(self, machine: Machine, plan: Schedule) -> tuple[Floats, Floats]:
         """Run a prepared machine (of one run) through a schedule: outputs and states at its samples."""
         outputs, states, statuses = self._integrate(machine, plan)
@@ -286,15 +165,35 @@ class CompiledPlant:
             raise failure
         return outputs[0], states[0]
 
+    def stepper(self, machine: Machine, plan: Schedule) -> Callable[[], Floats]:
+        """What runs a machine (of one run) through a schedule, as its arrays are then: outputs at the samples."""
+        outputs, states, statuses = self._results(1, len(plan.samples))
+        program = self.assembled.program
+        run = engine.integrate.bound(
+            program.code, program.table, *machine, *plan, -1, outputs, states, statuses
+        )
+
+        own: Floats = outputs[0]
+
+        def step() -> Floats:
+            run()
+            failure = self._failure(int(statuses[0]), machine, 0, outputs[0], plan.samples)
+            if failure is not None:
+                raise failure
+            return own
+
+        return step
+
+    def _results(self, count: int, samples: int) -> tuple[Floats, Floats, Ints]:
+        """Room for what `_integrate` gives."""
+        outputs = np.empty((count, samples, len(self.output_names)))
+        return outputs, np.empty((count, samples, len(self.state_names))), np.zeros(count, dtype=np.int64)
+
     def _integrate(self, machine: Machine, plan: Schedule, stop: int = -1) -> tuple[Floats, Floats, Ints]:
         """Outputs (n, n_samples, n_outputs), states (n, n_samples, n_states), statuses (n,) of n machines."""
-        count, samples = len(machine.registers), len(plan.samples)
-        outputs = np.empty((count, samples, len(self.output_names)))
-        states = np.empty((count, samples, len(self.state_names)))
-        statuses = np.zeros(count, dtype=np.int64)
+        outputs, states, statuses = self._results(len(machine.registers), len(plan.samples))
         program = self.assembled.program
-        with np.errstate(all="ignore"):
-            engine.integrate(program.code, program.table, *machine, *plan, stop, outputs, states, statuses)
+        engine.integrate(program.code, program.table, *machine, *plan, stop, outputs, states, statuses)
         return outputs, states, statuses
 
     def _failure(
@@ -314,99 +213,6 @@ class CompiledPlant:
             what = f"{self.output_names[column]} is not finite at t = {times[sample]:.6f} s"
             return SimulationError(f"{self.plant.name}: {what}")
         return None
-
-    def _acting(self, registers: Floats) -> str:
-        """In words, which effects a run had, with the values that it was made with."""
-        first = self.assembled.program.layout.parameter
-        place = {name: first + offset for offset, name in enumerate(self.assembled.parameters)}
-        found = []
-        for use in self.plant.effects:
-            prefix = self.plant.prefix(use)
-            values = {name: registers[place[f"{prefix}.{name}"]] for name in use.parameters}
-            found.append(f"{prefix} ({', '.join(f'{name} = {v:.4g}' for name, v in values.items())})")
-        return f"; effects: {', '.join(found)}" if found else ""
-
-    def _registers(
-        self, values: Floats, run: Run, known: Mapping[str, Floats] = MappingProxyType({})
-    ) -> Floats:
-        """Register files (n, n_registers) with all parameters, and what depends on them alone, filled in."""
-        if values.shape[1] != len(self.parameter_names):
-            raise SimulationError(f"{values.shape[1]} parameter values, {len(self.parameter_names)} expected")
-        if not np.isfinite(values).all():
-            row, column = np.argwhere(~np.isfinite(values))[0]
-            wrong = f"{self.parameter_names[column]} = {values[row, column]}"
-            raise SimulationError(f"{self.plant.name}: {wrong} is not a finite number")
-        surface = self._surface(run)
-        program: Program = self.assembled.program
-        registers = np.tile(program.registers, (len(values), 1))
-        parameters = registers[:, program.layout.parameter :]
-        names = [surface.get(name, name) for name in self.assembled.parameters[:-1]]
-        for offset, name in enumerate(names):
-            if name in self._index:
-                parameters[:, offset] = values[:, self._index[name]]
-            elif name in known:
-                parameters[:, offset] = known[name]
-            elif name in self.plant.structure.known:
-                parameters[:, offset] = self._known(name, run)
-            else:
-                parameters[:, offset] = np.nan  # optional and absent: nothing may use it
-        parameters[:, len(self.assembled.parameters) - 1] = run.times_s[0]
-        with np.errstate(all="ignore"):
-            engine.execute_rows(program.code, 0, program.layout.modal, registers)
-        return registers
-
-    def _surface(self, run: Run) -> dict[str, str]:
-        """Flat names of the parameters of the surface that the run's conditions name."""
-        if not self.plant.surfaces:
-            return {}
-        surface = run.conditions.get("surface")
-        if surface not in self.plant.surfaces:
-            known = ", ".join(self.plant.surfaces)
-            raise SimulationError(
-                f"conditions.surface = {surface!r} is not in the plant file; known: {known}"
-            )
-        return {name: f"{surface}.{name}" for name in self.plant.structure.surface_parameters}
-
-    def _known(self, name: str, run: Run) -> float:
-        """A known quantity of the start: from the sidecar, or smoothed from its channel, or its default."""
-        if name in run.known:
-            return float(run.known[name])
-        condition = run.conditions.get(name)
-        if isinstance(condition, (int, float)):
-            return float(condition)
-        channel = name.removeprefix("first(").removesuffix(")")
-        if channel in run.first_samples:
-            return smoothed_start(run.times_s, run.first_samples[channel])[0]
-        default = self.plant.structure.known[name].default
-        if default is None:
-            what = f"first samples of {channel}" if name != channel else f"state.{name}"
-            raise SimulationError(f"{self.plant.name}: the run does not give {what}, needed for the start")
-        return default
-
-    def _guess(self, name: str, run: Run) -> float:
-        """Slope of the channel whose state has this state as its rate, else 0."""
-        for other, rate in self.model.rates.items():
-            start = self.model.states[other].initial
-            if rate == Name(name) and isinstance(start, Name) and start.id.startswith("first("):
-                channel = start.id.removeprefix("first(").removesuffix(")")
-                if channel in run.first_samples:
-                    return smoothed_start(run.times_s, run.first_samples[channel])[1]
-        return 0.0
-
-    def lateness(self, values: Floats, run: Run) -> dict[str, Lateness]:
-        """How late each channel is that is late at all."""
-        where = self.assembled
-        if not where.delays and not where.skews:
-            return {}
-        registers = self._registers(values[np.newaxis], run)[0]
-        late = {}
-        for channel in dict.fromkeys((*where.delays, *where.skews)):
-            delay, skew = (
-                float(registers[places[channel]]) if channel in places else 0.0
-                for places in (where.delays, where.skews)
-            )
-            late[channel] = Lateness(float(run.times_s[0]), delay, skew)
-        return late
 
 
 def compile_plant(

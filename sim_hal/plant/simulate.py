@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -63,6 +64,7 @@ class Simulator:
         self._flags = self._compiled.assembled.flags
         self._events = np.array([(events or {}).get(name, np.inf) for name in self._flags], dtype=float)
         self._inputs = np.zeros(len(plant.structure.inputs))
+        self._places = {name: place for place, name in enumerate(plant.structure.inputs)}
         run = Run(
             times_s=np.array([start_s]), conditions=conditions or {}, known=known or {}, events=events or {}
         )
@@ -74,6 +76,10 @@ class Simulator:
             if late.skew < 0.0 or late.delay_s < 0.0:
                 raise SimulationError(f"{plant.name}: {channel} is early: what is to come cannot be read")
         self._latest: dict[str, float] | None = None  # outputs at the present time
+        self._breaks, self._here = np.zeros(2), np.zeros(1)
+        self._held = np.zeros((2, len(self._inputs)))
+        plan = Schedule(self._breaks, self._held, np.zeros_like(self._held), self._events, self._here)
+        self._run = self._compiled.stepper(self._machine, plan)
         self._history: list[tuple[float, dict[str, float]]] = []
         self._remember()
 
@@ -86,16 +92,13 @@ class Simulator:
         """Go on to a later time, the given inputs held; those not given keep their value."""
         if not to_time_s >= self.time_s:
             raise SimulationError(f"cannot go back from t = {self.time_s} s to {to_time_s} s")
-        names = tuple(self._compiled.plant.structure.inputs)
         for name, value in (inputs or {}).items():
-            if name not in names:
-                raise SimulationError(f"no input {name!r}; inputs: {', '.join(names) or 'none'}")
-            if not np.isfinite(value):
+            if name not in self._places:
+                raise SimulationError(f"no input {name!r}; inputs: {', '.join(self._places) or 'none'}")
+            if not math.isfinite(value):
                 raise SimulationError(f"input {name} = {value} is not finite")
-            self._inputs[names.index(name)] = value
-        inside = [event for event in self._events.tolist() if self.time_s < event < to_time_s]
-        breaks = sorted({self.time_s, *inside, to_time_s})
-        self._latest = self._named(self._follow(np.array(breaks), np.array([to_time_s])))
+            self._inputs[self._places[name]] = value
+        self._go_on(to_time_s)
         self._remember()
 
     def outputs(self) -> dict[str, float]:
@@ -135,18 +138,24 @@ class Simulator:
         layout = self._compiled.assembled.program.layout
         return float(self._machine.registers[0, getattr(layout, block) + self._flags.index(name)])
 
-    def _follow(self, breaks: np.ndarray, samples: np.ndarray) -> np.ndarray:
-        rows = np.empty((len(breaks), len(self._inputs)))
-        rows[:] = self._inputs
-        plan = Schedule(breaks, rows, np.zeros_like(rows), self._events, samples)
-        self._room[engine.CLOCK, engine.STEPS] = 0.0
-        return self._compiled.follow(self._machine, plan)[0]
+    def _go_on(self, to_time_s: float) -> None:
+        """Go on to a later time, from event to event, or stay; notes the outputs there."""
+        while True:
+            inside = [event for event in self._events.tolist() if self.time_s < event < to_time_s]
+            until = min(inside, default=to_time_s)
+            self._breaks[:] = self.time_s, until
+            self._here[0] = until
+            self._held[:] = self._inputs
+            self._room[engine.CLOCK, engine.STEPS] = 0.0
+            self._latest = self._named(self._run())
+            if until == to_time_s:
+                break
 
     def _now(self) -> dict[str, float]:
         """Outputs at the present time, computed once."""
         if self._latest is None:
-            here = np.array([self.time_s])
-            self._latest = self._named(self._follow(here, here))
+            self._go_on(self.time_s)
+        assert self._latest is not None
         return self._latest
 
     def _named(self, outputs: np.ndarray) -> dict[str, float]:

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_hal.plant.native import Floats1, Floats2, Floats3, Ints1, entry
-from sim_hal.plant.native.build import build
+from sim_hal.plant.native.build import MachineCode
 from sim_hal.plant.native.values import TranslationError
 
 HALF = 0.5
@@ -76,7 +76,7 @@ def test_machine_code_does_what_python_does(a: float, b: float, counts: list[int
     found = []
     # Python's int of what is no finite number is an error; machine code is asked for none either.
     numbers = np.array([a, b if np.isfinite(b) else 1.5])
-    for function in (everything, everything.__wrapped__):
+    for function in (everything, everything.function):
         own, out = np.array(counts, dtype=np.int64), np.linspace(1.0, 8.0, 8)
         with np.errstate(all="ignore"):
             function(own, numbers, cube, out)
@@ -132,7 +132,7 @@ def test_what_cannot_be_translated_is_refused_with_its_place(
     function: Callable[..., None], words: str
 ) -> None:
     with pytest.raises(TranslationError, match=words):
-        build(function)
+        MachineCode(function)
 
 
 @pytest.mark.parametrize("wrong", [np.zeros(3, dtype=np.float32), np.zeros((3, 2)), np.zeros(6)[::2]])

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from functools import cache, wraps
-from typing import Any, TypeVar
+from functools import cache, cached_property, partial, wraps
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from sim_hal.plant.native.arrays import Floats1, Floats2, Floats3, Ints1, Ints2
 
-__all__ = ["Floats1", "Floats2", "Floats3", "Ints1", "Ints2", "entry", "have_compiler"]
+__all__ = ["Entry", "Floats1", "Floats2", "Floats3", "Ints1", "Ints2", "entry", "have_compiler"]
 
-Function = TypeVar("Function", bound=Callable[..., None])
+if TYPE_CHECKING:
+    from sim_hal.plant.native.build import MachineCode
 
 
 @cache
@@ -29,22 +32,43 @@ def have_compiler() -> bool:
     return True
 
 
-def entry(function: Function) -> Function:
+class Entry:
     """A function that Python calls and that runs as machine code, together with all that it calls."""
-    made: list[Callable[..., None]] = []
 
-    @wraps(function)
-    def call(*arguments: Any) -> None:
-        if not made:
-            made.append(_runner(function))
-        made[0](*arguments)
+    def __init__(self, function: Callable[..., None]) -> None:
+        self.function = function
+        wraps(function)(self)
 
-    return call  # type: ignore[return-value]
+    def __call__(self, *arguments: Any) -> None:
+        self._code(*arguments)
+
+    def bound(self, *arguments: Any) -> Callable[[], None]:
+        """The call with arguments that stay; arrays among them may change their content."""
+        return self._code.bound(*arguments)
+
+    @cached_property
+    def _code(self) -> MachineCode | _Plain:
+        if not have_compiler():
+            return _Plain(self.function)
+        from sim_hal.plant.native.build import MachineCode
+
+        return MachineCode(self.function)
 
 
-def _runner(function: Callable[..., None]) -> Callable[..., None]:
-    if not have_compiler():
-        return function
-    from sim_hal.plant.native.build import build
+class _Plain:
+    """The same without machine code."""
 
-    return build(function)
+    def __init__(self, function: Callable[..., None]) -> None:
+        self._function = function
+
+    def __call__(self, *arguments: Any) -> None:
+        with np.errstate(all="ignore"):  # machine code does not warn either
+            self._function(*arguments)
+
+    def bound(self, *arguments: Any) -> Callable[[], None]:
+        return partial(self, *arguments)
+
+
+def entry(function: Callable[..., None]) -> Entry:
+    """Mark a function that Python calls."""
+    return Entry(function)
