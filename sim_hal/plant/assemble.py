@@ -65,7 +65,8 @@ def assemble(model: Model, outputs: Mapping[str, Node], source: str) -> Assemble
     _require_static(
         builder, source, initial | delays | skews | dict(zip(model.memories, memories, strict=True))
     )
-    code, ends = builder.code()
+    read_by_python = (*initial.values(), *memories, *delays.values(), *skews.values(), *settled.values())
+    code, ends = builder.code((*table[len(layout) :].tolist(), *read_by_python))
     layout = layout._replace(
         modal=ends[0], dynamic=ends[1], derivative=ends[2], condition=ends[3], output=ends[4], end=ends[5]
     )

@@ -8,7 +8,7 @@ their derivatives once a step (JACOBIAN), what only locating events needs (CONDI
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_hal.plant.expressions import Name, Node, Num, Op
+from sim_hal.plant.fuse import FUSED, shortened
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -52,7 +53,7 @@ _ARITHMETIC = (
 _CHOICES = ("min", "max", "where", "<", "<=", ">", ">=", "and", "or", "not", "since", "square")
 
 #: Operation codes of the machine; `engine.machine` executes them.
-OPCODES: Mapping[str, int] = {name: code for code, name in enumerate((*_ARITHMETIC, *_CHOICES))}
+OPCODES: Mapping[str, int] = {name: code for code, name in enumerate((*_ARITHMETIC, *_CHOICES, *FUSED))}
 
 #: Functions of a kink where their arguments meet (or theirs meets 0).
 KINKS = ("min", "max", "abs")
@@ -233,11 +234,11 @@ class Builder:
         """Whether the register's value depends on parameters alone."""
         return self._section[register] is Section.STATIC
 
-    def code(self) -> tuple[Ints, list[int]]:
-        """All instructions, and where each section ends."""
-        lines = [line for section in Section for line in self._code[section]]
-        ends = np.cumsum([len(self._code[section]) for section in Section]).tolist()
-        return np.array(lines, dtype=np.int64).reshape(-1, 5), ends
+    def code(self, asked: Iterable[int]) -> tuple[Ints, list[int]]:
+        """All instructions, and where each section ends; `asked` are registers that are read from elsewhere."""
+        sections = shortened([self._code[section] for section in Section], OPCODES, asked)
+        ends = np.cumsum([len(lines) for lines in sections]).tolist()
+        return np.array([line for lines in sections for line in lines], dtype=np.int64).reshape(-1, 5), ends
 
     def registers(self) -> Floats:
         """Initial content of the register file."""

@@ -26,7 +26,8 @@ IDLE = 3  # mode of a memory or kink without strength
 _ADD, _SUB, _MUL, _DIV, _POW, _NEG, _ABS, _SIGN, _SQRT, _EXP = range(10)
 _LOG, _SIN, _COS, _TAN, _TANH, _MIN, _MAX, _WHERE, _LT, _LE, _GT, _GE = range(10, 22)
 _AND, _OR, _NOT, _SINCE, _SQUARE = range(22, 27)
-assert len(OPCODES) == _SQUARE + 1
+_MUL_ADD, _MUL_SUB, _LESS_MUL, _SUB_MUL, _SUB_DIV, _DIV_SUB, _MUL_MUL = range(27, 34)
+assert len(OPCODES) == _MUL_MUL + 1
 
 # Places of the layout in the table.
 (NS, NU, NF, M, Q, NW, TIME_AT, PARAMETER, INPUT, START_VALUE, SLOPE, SEGMENT, FLAG, FLAG_TIME) = range(14)
@@ -131,6 +132,20 @@ def execute(code: Ints2, start: int, stop: int, r: Floats1) -> None:
             r[to] = a - b
         elif op == _MUL:
             r[to] = a * b
+        elif op == _MUL_ADD:
+            r[to] = a * b + r[code[n, 4]]
+        elif op == _MUL_SUB:
+            r[to] = a * b - r[code[n, 4]]
+        elif op == _LESS_MUL:
+            r[to] = r[code[n, 4]] - a * b
+        elif op == _SUB_MUL:
+            r[to] = (a - b) * r[code[n, 4]]
+        elif op == _SUB_DIV:
+            r[to] = (a - b) / r[code[n, 4]]
+        elif op == _DIV_SUB:
+            r[to] = a / b - r[code[n, 4]]
+        elif op == _MUL_MUL:
+            r[to] = a * b * r[code[n, 4]]
         elif op == _DIV:
             r[to] = a / b
         elif op == _SQUARE:

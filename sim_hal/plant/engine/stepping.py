@@ -63,6 +63,8 @@ LINEAR = 0.1
 KINK = 100.0
 """Error beyond which a step is looked at for an event up to which it is linear, before anything else."""
 SWEEPS = 3
+JUST_NOW = 1e-12
+"""Share of a step by which an event may be noticed late."""
 AT_ONCE = 1e-5
 """Share of a step within which what leaves a limit that it was at has left it: along a parabola, so by nothing."""
 AGAIN = -1
@@ -272,11 +274,16 @@ def root(below: float, above: float, falls: float, rises: float) -> float:
     return x
 
 
-def leaves(tab: Ints1, w: Floats2) -> bool:
-    """Whether what has happened was just about to at the start of the step: its margin is 0 there."""
+def behind(tab: Ints1, w: Floats2, h: float, share: float) -> bool:
+    """Whether a look, at a share of the step, is as good as at what has happened: its rate says that it was just now.
+
+    Or that it was just about to happen at the start of the step, its margin being 0 there.
+    """
     found = True
     for i in range(tab[M] + tab[Q] + tab[NW] + tab[NF]):
-        found = found and (w[FOUND + HIGH, i] >= 0.0 or w[FOUND + BEFORE, i] == 0.0)
+        margin = w[FOUND + HIGH, i]
+        near = -margin <= JUST_NOW * h * abs(w[TREND + HIGH, i])
+        found = found and (near or (share <= AT_ONCE and (margin >= 0.0 or w[FOUND + BEFORE, i] == 0.0)))
     return found
 
 
@@ -307,7 +314,7 @@ def locate(
         hits(code, tab, r, mode, w, h, terms, high, HIGH)
     least = 1e-14 + 2e-16 * abs(w[CLOCK, TIME]) / h
     for count in range(100):
-        if high - low <= least or (high <= AT_ONCE and leaves(tab, w)):
+        if high - low <= least or (looked and behind(tab, w, h, high)):
             break
         middle = 0.5 * (low + high)
         if count % 6 != 5:
