@@ -14,7 +14,7 @@ from sim_hal.plant.program import Floats
 from sim_hal.plant.run import Run, SimulationError
 
 FIRE, COMPRESSION = "fire_command", "spring_compression_m"
-_TOLERANCE = 5e-7
+_TOLERANCE = 1e-6  # heights within 1e-6 of themselves, by measurement
 _RISEN = 0.01  # m/s, of the centre of mass; less would lift it by 5 µm
 #: Momentum of the centre of mass upwards, by geometry.
 _RISING = {

@@ -23,6 +23,7 @@ from sim_hal.plant.engine.machine import (
     RELATIVE,
     SLOTS,
     SPAN,
+    SPARE,
     TERMS,
     kept_at,
 )
@@ -57,15 +58,19 @@ def series(tab: Ints1, w: Floats2, h: float) -> int:
         w[TERMS, s] = 0.0
         w[TERMS + 1, s] = h * w[FORCE, s]
     for k in range(1, LONGEST - 1):
-        small = True
+        small = k > 3
+        share = h / (k + 1)
         for s in range(n):
             total = w[FORCE + k, s] if k < 4 else 0.0
             for c in range(int(w[SPAN, s]), int(w[SPAN + 1, s])):
                 total += w[JAC + s, c] * w[TERMS + k, c]
-            total *= h / (k + 1)
+            total *= share
             w[TERMS + k + 1, s] = total
-            largest = max(abs(w[TERMS + 1, s]), abs(w[TERMS + 2, s]), abs(w[TERMS + 3, s]))
-            small = small and k > 3 and abs(total) <= cut * largest + 1e-4 * w[CLOCK, ABSOLUTE]
+            small = small and abs(total) <= w[SPARE, s]
+        if k == 3:
+            for s in range(n):
+                largest = max(abs(w[TERMS + 1, s]), abs(w[TERMS + 2, s]), abs(w[TERMS + 3, s]))
+                w[SPARE, s] = cut * largest + 1e-4 * w[CLOCK, ABSOLUTE]
         quiet = quiet + 1 if small else 0
         if quiet == 2:
             return k + 2
