@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from flight import energy
@@ -18,6 +18,7 @@ from flight.surface.known import SurfaceSettings
 from flight.surface.seeker import Decided, GoalSeeker
 from flight.surface.stance import Stance, stance_of
 from flight.surface.tracker import Tracker
+from flight.surface.trajectory import LeapForecast
 from flight.surface.watch import GroundWatch, common_sigma, hop_seen
 from flight.uncertain import Uncertain, mean_of
 from hal.readings import GroundCommand
@@ -42,6 +43,9 @@ class HopReport:
     c3: Uncertain | None  # of any other hop
     belief: GroundBelief | None
     stance: Stance | None = None
+    elsewhere: Mapping[str, LeapForecast] = field(
+        default_factory=dict
+    )  # the next such leap, by place of gravity
 
     @property
     def verdict(self) -> str:
@@ -84,6 +88,7 @@ class HopReport:
             "c3": _payload(self.c3),
             "stance": None if self.stance is None else self.stance.as_payload(),
             "belief": None if belief is None else belief.as_payload(),
+            "elsewhere": {name: leap.as_payload() for name, leap in self.elsewhere.items()},
         }
 
 
@@ -207,6 +212,9 @@ class MissionPilot:
         report = HopReport(
             index, plan, record.fire_s, seen, c1, c2_ref, source, c2_measured, c3, belief, stance
         )
+        if belief is not None and c3 is not None:
+            leaps = self.ground.elsewhere(plan.place, plan.energy_j, c2_ref.value)
+            report = replace(report, elsewhere=leaps)
         self.reports.append(report)
         if sought:
             self.seeker.after_hop(None if seen.height_m is None else seen.height_m.value)

@@ -43,6 +43,7 @@ class MissionPlan:
     name: str
     hops: tuple[HopPlan, ...] = ()
     goals: tuple[GoalPlan, ...] = ()
+    simulated: Any = None  # settings of a simulated board for this mission, no business of flight's
 
 
 def load_mission(path: Path, settings: FlightSettings) -> MissionPlan:

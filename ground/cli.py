@@ -13,6 +13,7 @@ import typer
 
 from flight import settings as flight_settings
 from flight.executive import Progress
+from flight.plans import load_mission
 from ground import console
 from ground.campaign_cli import campaign_app
 from ground.demo_cli import demo_app
@@ -42,6 +43,9 @@ from hal.dictionary import load_dictionary
 from hal.raspberry_pi import setup_check
 from sim_hal.plant.simulate import Plant, compile_plant, load_plant
 
+HOPS_OF_A_GOAL = 3
+"""About as many, for the moving line."""
+
 app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 plant_app = typer.Typer(no_args_is_help=True, help="Plant files.")
 app.add_typer(plant_app, name="plant")
@@ -62,6 +66,14 @@ MapOption = Annotated[
 def run(
     surface: Annotated[str, typer.Option(help="Surface to hop on (config/surfaces.yaml).")] = "quartz_sand",
     hops: Annotated[int, typer.Option(help="Hops on that surface.")] = 3,
+    mission: Annotated[
+        str | None,
+        typer.Option(help="Mission file, or its name in config/missions, instead of hops on one surface."),
+    ] = None,
+    ground_memory: Annotated[
+        Path | None,
+        typer.Option(help="File that keeps what is learned of the ground from mission to mission."),
+    ] = None,
     energy_j: Annotated[float, typer.Option("--energy-j", help="E_used of each hop.")] = 18.0,
     references: Annotated[int, typer.Option(help="Hops on steel first, which give C2_ref.")] = 1,
     board: Annotated[str, typer.Option(help="Board to fly on, by name; never another.")] = "sim",
@@ -69,14 +81,18 @@ def run(
     out: Out = Path("out/run"),
     as_json: Json = False,
 ) -> None:
-    """Fly a mission of N hops on a surface: a table per hop, recordings and a page."""
+    """Fly N hops on a surface, or a mission file: a table per hop, decisions, recordings and a page."""
     with console.clear_errors():
         settings = flight_settings.load(config_path("flight.yaml"))
-        plan = plan_mission(surface, hops, energy_j, settings, references=references)
-        with console.steps(total=float(len(plan.hops))) as show:
+        if mission is None:
+            plan = plan_mission(surface, hops, energy_j, settings, references=references)
+        else:
+            plan = load_mission(configured("missions", mission), settings)
+        expected = len(plan.hops) + HOPS_OF_A_GOAL * len(plan.goals)
+        with console.steps(total=float(expected)) as show:
             show(f"opening the board {board!r} (a simulation compiles itself at its first use)")
-            watch = mission_watcher(show, energy_j, len(plan.hops))
-            flown = run_mission(plan, out, board=board, seed=seed, watch=watch)
+            watch = mission_watcher(show, energy_j, expected)
+            flown = run_mission(plan, out, board=board, seed=seed, watch=watch, ground_memory=ground_memory)
     if as_json:
         console.print_json(mission_content(flown))
     else:
@@ -232,6 +248,9 @@ def mission_watcher(show: Callable[..., None], energy_j: float, hops: int) -> Ca
 def show_mission(flown: MissionRun) -> None:
     """The table of hops, what came of the mission in words, and where its page is."""
     console.hop_table(HOP_LINE_HEADERS, [hop_lines(outcome) for outcome in flown.hops])
+    for each in flown.result.decided:
+        came = {None: "", True: " Reached.", False: " Not reached."}[each.reached]
+        console.say(f"hop {each.hop_index + 1} at {each.place}: {each.decision.sentence}{came}")
     for text in (verdict_sentence(flown), *flown.notes, f"page: {flown.folder / 'report.html'}"):
         console.say(text)
 

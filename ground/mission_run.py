@@ -20,6 +20,7 @@ from flight.log import McapLog
 from flight.mission import HopPlan, MissionPlan, MissionResult
 from flight.settings import FlightSettings
 from ground.files import whole_folder, write_atomic
+from ground.mission_places import Terrain, first_spot, place_of
 from ground.mission_summary import HopOutcome, MissionRun, hop_rows, mission_content
 from ground.recordings import RecordingError
 from ground.recordings.from_log import HopRecordings, write_hop_recordings
@@ -27,6 +28,8 @@ from ground.report.mission_page import write_mission_page
 from hal.board import Board, open_board
 from hal.config import config_path, config_root, read_yaml
 from hal.errors import ConfigError
+from hal.log import LogSink
+from hal.memory import FileMemory
 from hal.tap import tap_board
 from sim_hal.board import SIMULATED_BOARDS, world_of
 from sim_hal.truth import REFERENCE, HopTruth
@@ -74,12 +77,15 @@ def run_mission(
     changes: Mapping[str, Any] | None = None,
     settings_path: Path | None = None,
     watch: Watcher | None = None,
+    ground_memory: Path | None = None,
 ) -> MissionRun:
     """Fly `plan` on the board of that name and write everything to `folder`.
 
     `changes` replace keys of the board's settings (`plants`, `faults`, `initial` ... of
     `config/boards/sim.yaml`), mappings key by key; `seed` is short for the seed there. `watch` is called once
-    a tick. Raises `ConfigError` or `BoardUnavailable` before anything moves; when the flight itself is
+    a tick. `ground_memory` is a file that keeps what is learned of the ground from mission to mission.
+
+    Raises `ConfigError` or `BoardUnavailable` before anything moves; when the flight itself is
     interrupted, nothing is left in `folder`.
     """
     settings_path = settings_path or config_path("flight.yaml")
@@ -100,7 +106,10 @@ def run_mission(
             open_board(board, board_settings) as opened,
             McapLog(work / LOG_NAME, metadata, settings.log) as log,
         ):
-            result = fly(tap_board(opened, log), settings, plan, log, watch)
+            sink: LogSink = log
+            if plan.goals and board in SIMULATED_BOARDS:
+                sink = Terrain(log, world_of(opened), plan, settings.rig.foot, board_settings.get("seed", 0))
+            result = fly(tap_board(_remembering(opened, ground_memory), sink), settings, plan, sink, watch)
         found, notes = _recordings(work, folder)
         hops = _outcomes(result, _truths(opened), found)
         run = MissionRun(folder, board, board_settings.get("seed"), settings, result, hops, notes)
@@ -108,6 +117,10 @@ def run_mission(
         write_atomic(work / SUMMARY_NAME, content + "\n")
         write_mission_page(run, work / REPORT_NAME)
     return run
+
+
+def _remembering(board: Board, path: Path | None) -> Board:
+    return board if path is None else replace(board, ground_memory=FileMemory(path))
 
 
 def _board_settings(
@@ -118,6 +131,11 @@ def _board_settings(
     found: dict[str, Any] = read_yaml(path) if path.is_file() else {}
     if board in SIMULATED_BOARDS:
         found["spots"] = [_spot(index, hop, settings) for index, hop in enumerate(plan.hops)]
+        for goal in plan.goals:
+            place_of(goal)  # refused before anything moves
+        if not plan.hops:
+            found["spots"] = [first_spot(plan, settings.rig.foot)]
+        changes = {**(plan.simulated or {}), **changes}
     for key, value in changes.items():
         merged = isinstance(value, Mapping) and isinstance(found.get(key), Mapping)
         found[key] = {**found[key], **value} if merged else value

@@ -10,7 +10,9 @@ from typing import Any
 
 from flight.mission import HopReport, MissionResult
 from flight.settings import FlightSettings
+from flight.surface.belief import UNDECIDED
 from flight.surface.known import SurfaceSettings, load_surfaces
+from flight.surface.planner import GIVE_UP
 from flight.uncertain import Uncertain
 from ground.recordings import Recording
 from sim_hal.truth import HopTruth
@@ -172,13 +174,27 @@ def comparisons(run: MissionRun) -> list[Figure]:
 def verdict_sentence(run: MissionRun) -> str:
     """What came of the mission, in words."""
     planned, made = len(run.result.plan.hops), len(run.hops)
-    if run.result.completed:
+    goals = len(run.result.plan.goals)
+    if run.result.completed and goals:
+        parts = [f"{made} hops were made, and the robot is stowed; {goal_words(run)}"]
+    elif run.result.completed:
         parts = [f"All {made} hops were made, and the robot is stowed"]
+    elif goals:
+        parts = [f"The mission ended after {made} hops with {run.result.goals_left} of {goals} goals left"]
+        parts[0] += f": {run.result.end_reason}" + ", with its spring loaded" * run.result.spring_loaded
     else:
         loaded = ", with its spring loaded" if run.result.spring_loaded else ""
         parts = [f"The mission ended after {made} of {planned} hops: {run.result.end_reason}{loaded}"]
     parts += [_ground_words(run, outcome) for outcome in last_on_each_place(run).values()]
     return "; ".join(parts) + "." + _truth_words(run)
+
+
+def goal_words(run: MissionRun) -> str:
+    """How many leaps towards the goals reached what they should, and what was given up."""
+    leaps = [each for each in run.result.decided if each.reached is not None]
+    given_up = sum(each.decision.action == GIVE_UP for each in run.result.decided)
+    text = f"{sum(bool(each.reached) for each in leaps)} of {len(leaps)} leaps reached what they should"
+    return text + (f", {given_up} goal{'s were' if given_up > 1 else ' was'} given up" if given_up else "")
 
 
 def last_on_each_place(run: MissionRun) -> dict[str, HopOutcome]:
@@ -190,11 +206,11 @@ def _ground_words(run: MissionRun, outcome: HopOutcome) -> str:
     belief, plan = outcome.report.belief, outcome.report.plan
     assert belief is not None
     share = plus_minus(100.0 * belief.c3_mean, 100.0 * belief.c3_std)
-    name = belief.most_probable
-    told = plan.surface
+    name, told = belief.most_probable, plan.surface
     ground = f"{words(told)} (place {plan.place})" if told else "the ground"
     like = f"{words(name)} (probability {100.0 * belief.probabilities[name]:.0f} %)"
-    sentence = f"{ground} takes C3 = {share} % of the jump energy, by which it is most like {like}"
+    doubt = "; the robot leaves that open" if belief.said == UNDECIDED else ""
+    sentence = f"{ground} takes C3 = {share} % of the jump energy; it is most probably {like}{doubt}"
     published = [(each, run.published_c3(each, plan.tilt_deg)) for each in (name, told) if each]
     if name == told or not all(found for _, found in published):
         return sentence
@@ -232,6 +248,7 @@ def mission_content(run: MissionRun) -> dict[str, Any]:
         "summary": verdict_sentence(run),
         "notes": list(run.notes),
         "hops": [_hop_content(outcome) for outcome in run.hops],
+        "decisions": [{**each.as_payload(), "reached": each.reached} for each in run.result.decided],
     }
 
 

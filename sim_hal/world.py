@@ -34,6 +34,7 @@ class World:
     def __init__(self, settings: SimSettings, drive: Plant, hop: Plant) -> None:
         self._settings = settings
         self._hop_plant = hop
+        self._spots = list(settings.spots)
         self._plants: dict[int, Plant] = {}
         self._hop: Hop | None = None
         self.now_s = self._drive_s = 0.0
@@ -63,11 +64,23 @@ class World:
     @property
     def spot(self) -> Spot:
         """The ground under the present or the next hop."""
-        return self._settings.spots[self._at]
+        return self._spots[self._at]
+
+    def stand_on(self, spot: Spot) -> None:
+        """Put other ground under the next hop and all after it: the robot was carried there, or leapt.
+
+        A hop that has begun ends where it began. Raises `PlantError` for a parameter that the plant lacks.
+        """
+        made = len(self.hops) + self.hopping
+        plant = plant_at(self._hop_plant, spot)
+        self._spots[made:] = [*[self._spots[-1]] * (made - len(self._spots)), spot]
+        self._plants = {at: known for at, known in self._plants.items() if at < made} | {made: plant}
+        if not self.hopping:
+            self._standing_m_s2 = standing_reading_m_s2(plant, self.conditions)
 
     @property
     def _at(self) -> int:
-        return min(len(self.hops), len(self._settings.spots) - 1)
+        return min(len(self.hops), len(self._spots) - 1)
 
     @property
     def plant_here(self) -> Plant:

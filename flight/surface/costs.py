@@ -1,4 +1,4 @@
-"""What a hop costs: electrical energy and time of tensioning under the power limit, and of all around it."""
+"""What a hop costs: electrical energy and time of tensioning under the power limit, and of driving home."""
 
 from __future__ import annotations
 
@@ -24,6 +24,9 @@ class HopCosts:
         speed, power = np.array([_speed_and_power(float(s), settings) for s in at]).T
         pace = settings.rig.travel_per_compression / speed  # seconds per metre of compression
         seconds, joules = _integrated(pace, at), _integrated(pace * power, at)
+        home_w = _speed_and_power(0.0, settings)[1]
+        seconds = seconds + at * settings.rig.travel_per_compression / settings.drive.homing_speed_m_s
+        joules = joules + at * settings.rig.travel_per_compression / settings.drive.homing_speed_m_s * home_w
         reached = [compression_for_energy_m(float(energy_j), settings.rig) for energy_j in self._energies]
         self._seconds = np.interp(reached, at, seconds) + planner.overhead_s
         self._joules = np.interp(reached, at, joules) + planner.overhead_j

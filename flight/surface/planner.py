@@ -30,7 +30,9 @@ _NODES, _NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 _NODE_WEIGHTS = _NODE_WEIGHTS / _NODE_WEIGHTS.sum()
 _HEAVIEST = 60
 _STAMP_ENERGIES = 4
-_BISECTIONS = 30
+_BISECTIONS = 60
+_HALVINGS = 16  # of the energies that may be asked for: to a millijoule
+_UNLIKELY = 1e-5
 _MEASURED_STD = 0.006  # of a hop's own u
 
 
@@ -114,9 +116,9 @@ class Planner:
                 )
             return self._leap(tracker, goal, demand, now_j, leap_j, best)
         fresh_j = self._elsewhere_j(tracker, demand, bound, goal) if goal.may_move else math.inf
-        if fresh_j < best[0]:
+        if fresh_j < min(best[0], self._worth_j(goal)):
             return Decision(MOVE_ON, self._move_j(), None, fresh_j, _moving(goal, fresh_j, best[0]))
-        if not math.isfinite(best[0]):
+        if best[0] >= self._worth_j(goal):
             most_j = self.settings.tension.max_energy_j
             sure = f"{100.0 * bound:.0f} % sure to {goal.words}"
             why = f"Give up: from this ground not even {most_j:g} J make it {sure}."
@@ -131,11 +133,12 @@ class Planner:
     def least_energy_j(self, tracker: Tracker, demand: Demand, bound: float) -> float | None:
         """Least energy of a leap now that is sure enough; None where even the most is not."""
         low, high = float(demand.energies_j[0]), float(demand.energies_j[-1])
+        tracker = tracker.without_the_unlikely(_UNLIKELY)
         if self.success(tracker, demand, high) < bound:
             return None
         if self.success(tracker, demand, low) >= bound:
             return low
-        for _ in range(_BISECTIONS):
+        for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
             if self.success(tracker, demand, middle) < bound:
                 low = middle
@@ -190,11 +193,19 @@ class Planner:
         margin = _quantile(bound) * np.sqrt(np.maximum(after, 0.0) + mixture.loss_scatter**2)
         losses = (mean + margin)[:, None] + learned[:, None] * _NODES[None, :]
         needed = demand.energy_j(losses)
-        dear = self.settings.surface.planner.unreached_j
+        dear = self._unreached_j
         cost = np.where(
             np.isfinite(needed), self.costs.energy_j(np.where(np.isfinite(needed), needed, 0.0)), dear
         )
         return float(beliefs.weights @ (cost @ _NODE_WEIGHTS))
+
+    def _worth_j(self, goal: Goal) -> float:
+        """What reaching a goal may cost before it is better given up."""
+        return self._unreached_j * _from_here(goal)
+
+    @property
+    def _unreached_j(self) -> float:
+        return self.settings.surface.planner.unreached_j
 
     def _move_j(self) -> float:
         return self.settings.surface.learning.reference_energy_j
@@ -267,7 +278,7 @@ def _moving(goal: Goal, fresh_j: float, here_j: float) -> str:
 def _quantile(probability: float) -> float:
     """Standard normal quantile, by bisection."""
     low, high = -8.0, 8.0
-    for _ in range(_BISECTIONS * 2):
+    for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if float(normal_below(np.array(middle))) < probability else (low, middle)
     return 0.5 * (low + high)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flight.surface.compaction import FEW_LAWS
 from flight.surface.known import UNKNOWN, KnownSurface, SurfaceSettings, same_setting
-from flight.surface.mixture import COMMON, FALL, LAW_COUNT, LOSS, SIZE, SLOPE, STIFFNESS, Mixture
+from flight.surface.mixture import FALL, LAW_COUNT, LOSS, SIZE, SLOPE, STIFFNESS, Mixture
 from flight.surface.settings import LearningSettings, SurfaceLearning
 
 Array = NDArray[np.float64]
@@ -132,45 +132,41 @@ def unknown_models(surfaces: SurfaceSettings, learning: LearningSettings) -> Ite
 
 
 def prior_mixture(
-    models: Sequence[SurfaceModel],
-    names: Sequence[str],
-    probabilities: Array,
-    settings: SurfaceLearning,
-    common: tuple[float, float],
-    kind: int = AS_BEFORE,
-) -> Mixture:
-    """The mixture of a fresh spot: `probabilities` of `names` shared out among a name's models and laws.
+    models: Sequence[SurfaceModel], names: Sequence[str], settings: SurfaceLearning
+) -> tuple[Mixture, Array]:
+    """All hypotheses of a fresh spot, unweighted, without an error of C2_ref; and each one's share of its name (n,).
 
-    `common` is mean and standard deviation of the error that all hops share through C2_ref.
+    A name's probability is shared out evenly among its models and laws.
     """
-    parts = {name: [model for model in models if model.name == name] for name in names}
+    learning = settings.learning
     rows: list[tuple[float, int, int, SurfaceModel]] = []
     for number, name in enumerate(names):
-        few = len(parts[name]) > 1
-        laws = FEW_LAWS if few else range(LAW_COUNT)
-        share = float(probabilities[number]) / (len(parts[name]) * len(laws))
-        rows += [(share, number, law, model) for model in parts[name] for law in laws]
-    return Mixture(
-        log_weights=np.log(np.maximum([share for share, *_ in rows], 1e-300)),
-        means=np.array([_mean(model, settings.learning.energy_slope_share, common[0]) for *_, model in rows]),
-        covariances=np.array([_covariance(model, settings.learning, common[1]) for *_, model in rows]),
+        own = [model for model in models if model.name == name]
+        laws = FEW_LAWS if len(own) > 1 else range(LAW_COUNT)
+        rows += [(1.0 / (len(own) * len(laws)), number, law, model) for model in own for law in laws]
+    count = len(rows)
+    mixture = Mixture(
+        log_weights=np.zeros(count),
+        means=np.array([_mean(model, learning.energy_slope_share) for *_, model in rows]),
+        covariances=np.array([_covariance(model, learning) for *_, model in rows]),
         surfaces=np.array([number for _, number, _, _ in rows], dtype=np.int64),
         laws=np.array([law for _, _, law, _ in rows], dtype=np.int64),
-        kinds=np.full(len(rows), kind, dtype=np.int64),
+        kinds=np.full(count, AS_BEFORE, dtype=np.int64),
         loss_scatter=np.array([model.hop_std for *_, model in rows]),
-        stiffness_scatter=np.full(len(rows), settings.learning.stiffness_hop_std),
+        stiffness_scatter=np.full(count, learning.stiffness_hop_std),
     )
+    return mixture, np.array([share for share, *_ in rows])
 
 
-def _mean(model: SurfaceModel, slope_share: float, common: float) -> list[float]:
+def _mean(model: SurfaceModel, slope_share: float) -> list[float]:
     mean = [0.0] * SIZE
-    mean[LOSS], mean[FALL], mean[COMMON] = model.loss, model.loss * model.fall, common
+    mean[LOSS], mean[FALL] = model.loss, model.loss * model.fall
     mean[SLOPE] = slope_share * model.loss
     mean[STIFFNESS] = _MIDDLE if model.log_stiffness is None else model.log_stiffness
     return mean
 
 
-def _covariance(model: SurfaceModel, learning: LearningSettings, common_std: float) -> Array:
+def _covariance(model: SurfaceModel, learning: LearningSettings) -> Array:
     """The fall is a share of the loss, d = a f, which ties the two; to first order."""
     covariance = np.zeros((SIZE, SIZE))
     square, share = model.loss_std**2, model.fall
@@ -182,5 +178,4 @@ def _covariance(model: SurfaceModel, learning: LearningSettings, common_std: flo
     tied = model.loss_stiffness * model.loss_std * model.log_stiffness_std
     covariance[LOSS, STIFFNESS] = covariance[STIFFNESS, LOSS] = tied
     covariance[FALL, STIFFNESS] = covariance[STIFFNESS, FALL] = share * tied
-    covariance[COMMON, COMMON] = common_std**2
     return covariance

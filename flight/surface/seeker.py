@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 from flight.plans import GoalPlan, HopPlan
@@ -28,7 +28,7 @@ class Decided:
     place: str
     decision: Decision
     forecast: LeapForecast | None = None
-    reached: bool | None = None  # of a leap
+    reached: bool | None = None  # of a leap whose height was seen
 
     def as_payload(self) -> Mapping[str, Any]:
         """As JSON-able data."""
@@ -40,8 +40,7 @@ class Decided:
             "energy_j": decision.energy_j,
             "success": decision.success,
             "sentence": decision.sentence,
-            "height_m": None if forecast is None else list(astuple(forecast.height_m)),
-            "range_m": None if forecast is None else list(astuple(forecast.range_m)),
+            "forecast": None if forecast is None else forecast.as_payload(),
         }
 
 
@@ -115,11 +114,11 @@ class GoalSeeker:
 
     def _after_leap(self, last: Decided, goal: Goal, height_m: float | None) -> None:
         covered_m = self._covered_m(last.decision.energy_j, goal, height_m)
-        if goal.clear_height_m is not None:
-            reached = height_m is not None and height_m >= goal.clear_height_m
-        else:
-            assert goal.distance_m is not None
-            reached = covered_m is not None and covered_m >= goal.distance_m / goal.leaps
+        reached: bool | None = None  # not seen
+        if height_m is not None and goal.clear_height_m is not None:
+            reached = height_m >= goal.clear_height_m
+        elif covered_m is not None and goal.distance_m is not None:
+            reached = covered_m >= goal.distance_m / goal.leaps
         self.decided[-1] = Decided(last.hop_index, last.place, last.decision, last.forecast, reached)
         self._goal = goal.after_leap(covered_m)
         if self._goal.leaps < 1 or (self._goal.distance_m is not None and self._goal.distance_m <= 2e-3):

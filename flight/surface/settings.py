@@ -70,6 +70,7 @@ class PlannerSettings:
     unreached_j: Positive
     other_gravity_std: NotNegative
     most_tilt_deg: Positive
+    other_gravities: dict[str, Positive]
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +94,17 @@ class GroundModels:
 
     def fresh(self, probabilities: Array, common: tuple[float, float], kind: int) -> Mixture:
         """A spot that nothing has hopped on yet."""
-        return prior_mixture(self.models, self.names, probabilities, self.settings, common, kind)
+        mixture, share = self._template
+        logs = np.log(np.maximum(probabilities[mixture.surfaces] * share, 1e-300))
+        means, covariances = mixture.means.copy(), mixture.covariances.copy()
+        means[:, COMMON], covariances[:, COMMON, COMMON] = common[0], common[1] ** 2
+        kinds = np.full(mixture.kinds.shape, kind, dtype=np.int64)
+        return replace(mixture, log_weights=logs, means=means, covariances=covariances, kinds=kinds)
+
+    @cached_property
+    def _template(self) -> tuple[Mixture, Array]:
+        """Every hypothesis of a fresh spot, and which share of its surface's probability is its own (n,)."""
+        return prior_mixture(self.models, self.names, self.settings)
 
 
 @dataclass(frozen=True)
@@ -176,6 +187,15 @@ class Tracker:
         common = self.runs[0].mixture.moments(COMMON)
         run = Run(self.hops, self.dose, 0.0, ground.fresh(shares, common, NEW_PLACE))
         return replace(self, ground=ground, runs=(run,))
+
+    def without_the_unlikely(self, least: float) -> Tracker:
+        """The belief without runs and hypotheses whose probability is below `least`, for quick looks ahead."""
+        kept = [
+            replace(run, mixture=run.mixture.chosen(run.mixture.weights * share > least))
+            for share, run in zip(self.run_weights, self.runs, strict=True)
+            if float(np.max(run.mixture.weights)) * share > least
+        ]
+        return replace(self, runs=tuple(kept))
 
     def with_common(self, std: float) -> Tracker:
         """The belief once C2_ref is taken from elsewhere, with a common error of u that is new."""

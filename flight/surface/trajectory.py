@@ -7,7 +7,8 @@ exp(-u). The leg points `tilt` away from the vertical; the centre of mass rises 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +70,14 @@ class LeapForecast:
     height_m: Reach
     range_m: Reach
     notes: tuple[str, ...]
+
+    def as_payload(self) -> dict[str, Any]:
+        """As JSON-able data: intervals as low, middle, high."""
+        return {
+            "height_m": list(astuple(self.height_m)),
+            "range_m": list(astuple(self.range_m)),
+            "notes": list(self.notes),
+        }
 
 
 def predict_leap(

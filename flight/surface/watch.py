@@ -9,11 +9,13 @@ from dataclasses import dataclass, field
 from flight.settings import FlightSettings
 from flight.states import Event
 from flight.surface.belief import GroundBelief, belief_of
+from flight.surface.forecast import forecast_loss
 from flight.surface.known import SurfaceSettings
 from flight.surface.learner import GroundRecord, LearnedSurface, learned_from, models_of
 from flight.surface.priors import loss_of
 from flight.surface.stance import Stance
 from flight.surface.tracker import HopSeen, Tracker
+from flight.surface.trajectory import LeapForecast, predict_leap
 from flight.uncertain import Uncertain
 
 _LEAST_SIGMA = 1e-4
@@ -80,6 +82,7 @@ class GroundWatch:
 
         `moved`: the robot leapt off to elsewhere before this hop, but no one said that it arrived.
         """
+        told = self._place is not None and place != self._place
         self._leave(place)
         tracker = self.tracker(place, tilt_deg, common)
         if source != self._source and tracker.hops:
@@ -90,11 +93,31 @@ class GroundWatch:
         after = tracker.after(hop, hazard)
         self._trackers[place], self._tilts[place], self._place = after, tilt_deg, place
         belief = belief_of(after, hop.energy_j)
-        if belief.changed >= self.settings.surface.decision.changed and belief.hops == 1 and tracker.hops:
+        changed = belief.changed >= self.settings.surface.decision.changed and belief.hops == 1
+        if changed and tracker.hops and not told:
             self._tell(
                 "ground_changed", {"place": place, "way": belief.change, "probability": belief.changed}
             )
         return belief
+
+    def elsewhere(self, place: str, energy_j: float, c2_ref: float) -> dict[str, LeapForecast]:
+        """The same leap, carried to other gravities (the published Figure 23), by the belief about a place."""
+        tilt_deg, gravities = self._tilts[place], self.settings.surface.planner.other_gravities
+        if tilt_deg > self.settings.surface.planner.most_tilt_deg:
+            return {}
+        loss = forecast_loss(self._trackers[place], energy_j)
+        return {
+            name: predict_leap(
+                loss,
+                energy_j,
+                self.settings,
+                c2_ref,
+                tilt_deg=tilt_deg,
+                measured_tilt_deg=tilt_deg,
+                gravity_m_s2=gravity_m_s2,
+            )
+            for name, gravity_m_s2 in gravities.items()
+        }
 
     def unseen(self, place: str, tilt_deg: float, common: float, energy_j: float) -> GroundBelief:
         """The belief when a hop could not be evaluated."""

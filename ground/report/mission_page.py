@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from flight.surface.planner import GIVE_UP
 from ground.mission_summary import (
     HOP_HEADERS,
     Figure,
@@ -15,6 +16,7 @@ from ground.mission_summary import (
     verdict_sentence,
     words,
 )
+from ground.report.decision_figures import belief_figure, height_figure
 from ground.report.mission_figures import NINETY_FIVE, c3_figure, drive_figure, hop_figure, surface_figure
 from ground.report.page import Cell, Page
 
@@ -34,6 +36,9 @@ def write_mission_page(run: MissionRun, path: Path) -> Path:
     if comparisons(run):
         _add_comparisons(page, run)
     _add_ground(page, run)
+    if run.result.decided:
+        _add_decisions(page, run)
+    _add_elsewhere(page, run)
     for outcome in run.hops:
         _add_hop(page, run, outcome)
     if run.notes:
@@ -91,16 +96,60 @@ def _add_ground(page: Page, run: MissionRun) -> None:
     page.figure(
         c3_figure(measured), "C3 of each hop with its 95 % interval, and the belief about its place after it."
     )
+    page.figure(belief_figure(measured), "What the robot believes to stand on, hop by hop.")
     for place, outcome in last_on_each_place(run).items():
         belief = outcome.report.belief
         assert belief is not None
         tilt_deg = outcome.report.plan.tilt_deg
         published = {name: run.published_c3(name, tilt_deg) for name in belief.probabilities}
         hops = "one hop" if belief.hops == 1 else f"{belief.hops} hops"
-        caption = (
-            f"Which ground place {place} is, after {hops}, by C3 alone; beside each name its published C3."
-        )
+        caption = f"Which ground place {place} is, after {hops}, by all that they showed; beside it the published C3."
         page.figure(surface_figure(belief, published), caption)
+
+
+def _add_decisions(page: Page, run: MissionRun) -> None:
+    page.section(
+        "What the robot decided, and why",
+        "Before each hop it weighs a probe, stamps, a leap and moving on by the electrical energy that is expected "
+        "until the goal is reached. It never leaps with less than the mission's probability of success.",
+    )
+    made = {hop.report.hop_index: hop.report for hop in run.hops}
+    rows = []
+    for each in run.result.decided:
+        report = made.get(each.hop_index)
+        height = None if report is None else report.energies.height_m
+        came = {None: Cell("–", "muted"), True: Cell("reached", "good"), False: Cell("not reached", "bad")}[
+            each.reached
+        ]
+        shown = "–" if height is None or each.decision.action == GIVE_UP else f"{1e3 * height.value:.1f} mm"
+        believed = "–" if report is None or report.belief is None else words(report.belief.said)
+        rows.append([str(each.hop_index + 1), each.place, each.decision.sentence, shown, came, believed])
+    page.table(["hop", "place", "decision", "height", "goal", "ground believed after it"], rows)
+    page.figure(
+        height_figure(list(run.result.decided), list(run.hops)), "Predicted before each hop, and reached."
+    )
+
+
+def _add_elsewhere(page: Page, run: MissionRun) -> None:
+    """The published Figure 23, by the belief about each place."""
+    last = [hop.report for hop in last_on_each_place(run).values() if hop.report.elsewhere]
+    if not last:
+        return
+    page.section(
+        "The same leap on other worlds",
+        "Height of the next leap of the same energy, carried to another gravity.",
+    )
+    names = list(last[0].elsewhere)
+    rows = []
+    for report in last:
+        reaches = [report.elsewhere[name].height_m for name in names]
+        cells = [f"{each.middle:.2f} m ({each.low:.2f} to {each.high:.2f})" for each in reaches]
+        rows.append([report.plan.place, f"{report.plan.energy_j:.1f} J", *cells])
+    page.table(["place", "energy", *(f"on {name}, 95 %" for name in names)], rows)
+    notes = dict.fromkeys(
+        note for report in last for leap in report.elsewhere.values() for note in leap.notes
+    )
+    page.text("\n\n".join(f"{note}." for note in notes))
 
 
 def _add_hop(page: Page, run: MissionRun, outcome: HopOutcome) -> None:
