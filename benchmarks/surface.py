@@ -277,7 +277,7 @@ def main() -> None:
     )
     parser.add_argument("--json", type=Path, help="write the figures here")
     parser.add_argument("--missions", type=int, default=2000, help="for identification, and for changes")
-    parser.add_argument("--planned", type=int, default=2000, help="for the planner")
+    parser.add_argument("--planned", type=int, default=600, help="for the planner")
     parser.add_argument("--flown", type=int, default=24, help="hops flown by the whole flight code")
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()

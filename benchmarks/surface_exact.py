@@ -14,7 +14,7 @@ from flight.surface.known import UNKNOWN
 
 Array = NDArray[np.float64]
 
-DRAWS, UNKNOWN_DRAWS = 20_000, 120_000
+DRAWS, UNKNOWN_DRAWS = 10_000, 60_000
 
 
 @dataclass(frozen=True)

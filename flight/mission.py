@@ -66,6 +66,7 @@ class HopReport:
             "surface": self.plan.surface,
             "place": self.plan.place,
             "reference": self.plan.reference,
+            "tilt_deg": self.plan.tilt_deg,
             "wanted_energy_j": self.plan.energy_j,
             "verdict": self.verdict,
             "reasons": list(self.reasons),

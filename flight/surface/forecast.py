@@ -13,9 +13,9 @@ from flight.surface.tracker import Tracker
 
 Array = NDArray[np.float64]
 
-_BISECTIONS = 60
+_BISECTIONS = 40
 _REACH = 8.0  # standard deviations beyond the outermost mean within which every quantile lies
-_LIGHT = 1e-5
+_LIGHT = 1e-4
 
 
 @dataclass(frozen=True)

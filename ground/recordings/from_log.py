@@ -10,7 +10,7 @@ sample at different instants leave each other's cells empty.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight.log import FlightLog, read_log
-from flight.mission import MissionPlan
+from flight.mission import HopPlan, MissionPlan
 from flight.settings import FlightSettings
 from ground.recordings.csv_pair import write_csv_pair
 from ground.recordings.log_channels import POLLED, STREAMED, VOLTAGE, Channels, Stretch, gather, table_of
@@ -85,13 +85,14 @@ def recordings_from_log(log: FlightLog, sensors: Sensors | None = None) -> tuple
     log and hop when readings are lacking, `LogError` or `ConfigError` when settings or mission are.
     """
     settings, mission = log.part("settings", FlightSettings), log.part("mission", MissionPlan)
+    plans = (*mission.hops, *_chosen(log)[len(mission.hops) :])
     specs = sensors_of_rig(settings.rig.name) if sensors is None else sensors
     channels = gather(log.messages)
     seed = log.metadata.get("seed")
     flown = f"{mission.name}-{log.path.stem}" + (f"-seed{seed}" if seed else "")
     found = []
     for index, stretch in enumerate(channels.hops):
-        conditions = _conditions(settings, mission, index)
+        conditions = _conditions(settings, plans, index)
         name = f"{flown}-hop{index:02d}"
         common: dict[str, Any] = {"rig": settings.rig.name, "source": log.path}
         try:
@@ -104,10 +105,25 @@ def recordings_from_log(log: FlightLog, sensors: Sensors | None = None) -> tuple
     return tuple(found)
 
 
-def _conditions(settings: FlightSettings, mission: MissionPlan, index: int) -> dict[str, float | str]:
-    # a hop that the ground commanded beyond the plan counts as one like the plan's last
-    plan = mission.hops[min(index, len(mission.hops) - 1)]
-    earlier = [hop for hop in mission.hops[:index] if hop.place == plan.place]
+def _chosen(log: FlightLog) -> list[HopPlan]:
+    """The hops as they were made, by their reports: also those that the robot chose itself."""
+    reports = (message.payload for message in log.messages if message.topic == "hop")
+    return [
+        HopPlan(
+            each["wanted_energy_j"],
+            each["surface"],
+            each["place"],
+            each["reference"],
+            each.get("tilt_deg", 0.0),
+        )
+        for each in reports
+    ]
+
+
+def _conditions(settings: FlightSettings, plans: Sequence[HopPlan], index: int) -> dict[str, float | str]:
+    # a hop without a report counts as one like the last
+    plan = plans[min(index, len(plans) - 1)] if plans else HopPlan(1.0)
+    earlier = [hop for hop in plans[:index] if hop.place == plan.place]
     return {
         "surface": plan.surface or (REFERENCE_SURFACE if plan.reference else "unknown"),
         "foot": int(settings.rig.foot),
