@@ -70,7 +70,8 @@ class PlannerSettings:
     unreached_j: Positive
     other_gravity_std: NotNegative
     most_tilt_deg: Positive
-    other_gravities: dict[str, Positive]
+    moon_gravity_m_s2: Positive
+    mars_gravity_m_s2: Positive
 
 
 @dataclass(frozen=True)

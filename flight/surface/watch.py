@@ -102,9 +102,10 @@ class GroundWatch:
 
     def elsewhere(self, place: str, energy_j: float, c2_ref: float) -> dict[str, LeapForecast]:
         """The same leap, carried to other gravities (the published Figure 23), by the belief about a place."""
-        tilt_deg, gravities = self._tilts[place], self.settings.surface.planner.other_gravities
-        if tilt_deg > self.settings.surface.planner.most_tilt_deg:
+        tilt_deg, planner = self._tilts[place], self.settings.surface.planner
+        if tilt_deg > planner.most_tilt_deg:
             return {}
+        gravities = {"the Moon": planner.moon_gravity_m_s2, "Mars": planner.mars_gravity_m_s2}
         loss = forecast_loss(self._trackers[place], energy_j)
         return {
             name: predict_leap(
