@@ -156,7 +156,9 @@ def find_flight(times_s: Array, motion_m_s2: Array, expected: Expectation, noise
     falling[: max(begin - 1, 0)] = False
     first, last = _first_run(falling, math.ceil(SHORTEST_S / step) - windows.width, begin, step)
     maybe = windows.rms_m_s2 < np.maximum(_MAYBE * allowed, _MAYBE * _FIRST_AMPLITUDE_SHARE * first_amplitude)
-    last = _without_glitches(falling, maybe, last, windows.width)
+    last = _without_glitches(
+        falling, maybe & ~_landing(windows, motion, expected, first_amplitude), last, windows.width
+    )
     stop = last + windows.width
     if stop >= motion.size - 3:
         raise NoFlight("the record ends before the robot has touched down")
@@ -191,6 +193,23 @@ def _falling(
     still = _NOT_FALLING * gravity_m_s2 + _SIGMAS_OF_LEVEL * windows.level_per_noise * noise_m_s2
     off = still + _LEVEL_SHARE * windows.amplitude_m_s2 + 2.0 * _FIRST_AMPLITUDE_SHARE * first_amplitude_m_s2
     return (windows.rms_m_s2 < allowed) & (np.abs(windows.level_m_s2) < off), allowed
+
+
+def _landing(
+    windows: Windows, motion: Array, expected: Expectation, first_amplitude_m_s2: float
+) -> NDArray[np.bool_]:
+    """Windows (n,) over which the ground throws the body back: faster than ringing, or a biased sensor, could tell.
+
+    A soft landing lasts as long as a turn of the ringing and may fit it nearly as well as a mechanism that sticks.
+    """
+    span = 2 * windows.width
+    speed = np.cumsum(motion) * windows.step_s
+    count, half = windows.level_m_s2.size, windows.width // 2
+    first = np.clip(np.arange(count) + half - windows.width, 0, speed.size - 1)
+    after = np.clip(first + span, 0, speed.size - 1)
+    rung = 2.0 * first_amplitude_m_s2 / expected.omega_rad_s  # it only decays before the landing
+    fallen = _NOT_FALLING * expected.robot.gravity_m_s2 * (after - first) * windows.step_s
+    return np.asarray(speed[after] - speed[first] > rung + fallen)
 
 
 def _without_glitches(falling: NDArray[np.bool_], maybe: NDArray[np.bool_], last: int, width: int) -> int:
