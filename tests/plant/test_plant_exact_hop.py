@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from plant_helpers import hop_run, shipped, states
@@ -143,6 +143,9 @@ OPENING_S = 0.05 - 0.06 / 8.0 * np.log(1.0 - 0.9 * 8.0 / 12.0)
     s=st.floats(0.02, 0.045),
     g=st.floats(1.6, 10.0),
 )
+@example(
+    k=21951.0, c=31.5, k_l=223438.0, chi=0.1, s=0.025177929633737633, g=1.890625
+)  # grazes the soil for 0.4 ms
 def test_the_hop_is_its_exact_piecewise_solution(
     k: float, c: float, k_l: float, chi: float, s: float, g: float
 ) -> None:

@@ -67,7 +67,8 @@ def rates_at(
 def jacobian_at(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2) -> None:
     """Derivatives of the rates where they were just evaluated.
 
-    An entry that is no finite number is left out: the steps that use the matrix do not need it to be exact.
+    An entry that is no finite number is left out: the steps that use the matrix do not need it to be exact. Rows SPAN
+    tell from where to where each row is not 0.
     """
     execute(code, tab[DERIVATIVE], tab[CONDITION], r)
     columns = tab[NS] + 1
@@ -90,18 +91,11 @@ def jacobian_at(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2) ->
         for c in range(columns):
             hold_still(tab, r, mode, w, c)
     for s in range(tab[NS]):
+        first, last = tab[NS], 0
         for c in range(columns):
             if not np.isfinite(w[JAC + s, c]):
                 w[JAC + s, c] = 0.0
-    spans(w, tab[NS])
-
-
-def spans(w: Floats2, n: int) -> None:
-    """Note from where to where each row of the derivatives is not 0."""
-    for s in range(n):
-        first, last = n, 0
-        for c in range(n):
-            if w[JAC + s, c] != 0.0:
+            if w[JAC + s, c] != 0.0 and c < tab[NS]:
                 first = min(first, c)
                 last = c + 1
         w[SPAN, s], w[SPAN + 1, s] = first, last

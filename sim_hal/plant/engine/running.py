@@ -82,7 +82,10 @@ def open_segment(
 
 
 def accept(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, finish: float, look: int) -> None:
-    """Make a point the present state: stuck elements exactly still, memories carried along."""
+    """Make a point the present state: stuck elements exactly still, memories carried along.
+
+    Where an event has been (the point HERE) its rates are left to `settle`.
+    """
     w[CLOCK, TIME] = finish
     for s in range(tab[NS]):
         w[STATE, s] = w[POINT + look, s]
@@ -96,7 +99,7 @@ def accept(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, finish:
                 moved = True
     for s in range(tab[NS]):
         w[SCALE, s] = max(w[SCALE, s], abs(w[STATE, s]))
-    if moved:
+    if moved and look == END:
         rates_at(code, tab, r, mode, w, finish, STATE, RATE + START)
     keep_memories(tab, r, mode)
 

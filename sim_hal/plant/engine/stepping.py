@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim_hal.plant.engine.events import copy, margins
+from sim_hal.plant.engine.friction import dot, relative_velocity
 from sim_hal.plant.engine.machine import (
     ABSOLUTE,
     BEFORE,
@@ -43,8 +44,10 @@ from sim_hal.plant.engine.machine import (
     START,
     STATE,
     STEP_VANISHED,
+    TERMS,
     TIME,
     TREND,
+    VELOCITY,
     WANTED,
     WEIGHT,
     WHOLE_STEP,
@@ -287,16 +290,41 @@ def behind(tab: Ints1, w: Floats2, h: float, share: float) -> bool:
     return found
 
 
-def guess(tab: Ints1, w: Floats2, h: float, low: float, high: float) -> float:
-    """Where between two shares of a step the first margin vanishes, by cubics through its values and rates."""
-    middle = high
+def guess(
+    tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, terms: int, low: float, high: float
+) -> tuple[float, bool]:
+    """Where between two shares of a step the first margin vanishes, by cubics through its values and rates.
+
+    Whether it is to rounding, by the series of a sliding element's velocity.
+    """
+    middle, known = high, False
     for i in range(tab[M] + tab[Q] + tab[NW] + tab[NF]):
         below, above = w[FOUND + LOW, i], w[FOUND + HIGH, i]
         if above < 0.0:
             span = h * (high - low)
-            x = root(below, above, span * w[TREND + LOW, i], span * w[TREND + HIGH, i])
-            middle = min(middle, low + (high - low) * x)
-    return middle
+            x = low + (high - low) * root(below, above, span * w[TREND + LOW, i], span * w[TREND + HIGH, i])
+            own = i < tab[M] and below > 0.0 and abs(mode[i]) == 1
+            if own:
+                x = turn(tab, r, w, terms, i, x)
+            if x < middle:
+                middle, known = x, own
+    return middle, known
+
+
+def turn(tab: Ints1, r: Floats1, w: Floats2, terms: int, j: int, x: float) -> float:
+    """Share of the step, near x, at which sliding element j comes to a stand, by its velocity's own series."""
+    for _ in range(6):
+        value, slope = 0.0, 0.0
+        for k in range(terms - 1, 0, -1):
+            slope = slope * x + value
+            value = value * x + dot(tab, r, tab[VELOCITY] + j * tab[NS], w, TERMS + k)
+        slope = slope * x + value
+        value = value * x + relative_velocity(tab, r, j, w, STATE)
+        step = value / slope if slope != 0.0 else 0.0
+        x -= step
+        if abs(step) <= 1e-15:
+            break
+    return x
 
 
 def locate(
@@ -318,8 +346,8 @@ def locate(
             break
         middle = 0.5 * (low + high)
         if count % 6 != 5:
-            middle = guess(tab, w, h, low, high)
-            far = max(0.5 * least, 1e-5 * min(middle - low, high - middle))
+            middle, known = guess(tab, r, mode, w, h, terms, low, high)
+            far = max(least, 0.0 if known else 1e-5 * min(middle - low, high - middle))
             middle += far if middle - low < high - middle else -far
             middle = min(max(middle, low + 0.5 * least), high - 0.5 * least)
         if not low < middle < high:
