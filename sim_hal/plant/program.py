@@ -56,7 +56,7 @@ _CHOICES = ("min", "max", "where", "<", "<=", ">", ">=", "and", "or", "not", "si
 OPCODES: Mapping[str, int] = {name: code for code, name in enumerate((*_ARITHMETIC, *_CHOICES, *FUSED))}
 
 #: Functions of a kink where their arguments meet (or theirs meets 0).
-KINKS = ("min", "max", "abs")
+KINKS = ("min", "max", "abs", "<", "<=", ">", ">=")
 
 
 class Layout(NamedTuple):

@@ -79,11 +79,14 @@ ADHESION = Effect(
                 EffectParameter("F_a", "N", "5", "0", "1000", strength=True, least=0.0),
                 EffectParameter("d_a", "m", "0.001", "0.0001", "0.03", above=0.0),
             ),
-            local={"gap": "max(0, y_max * (1 - unloading_share) - penetration)"},
-            terms={
-                "ground_force": "where(penetration_rate < 0, -F_a * (gap / d_a) * exp(1 - gap / d_a), 0)",
+            local={
+                "gap": "max(0, y_max * (1 - unloading_share) - penetration)",
+                "slow": "0.01 * sqrt(g * d_a)",  # a foot that neither lifts nor sinks is held by a part of the pull
             },
-            needs=("ground_force", "penetration", "penetration_rate", "unloading_share", "y_max"),
+            terms={
+                "ground_force": "-F_a * (gap / d_a) * exp(1 - gap / d_a) * min(1, max(0, -penetration_rate / slow))",
+            },
+            needs=("ground_force", "penetration", "penetration_rate", "unloading_share", "y_max", "g"),
         ),
     ),
 )

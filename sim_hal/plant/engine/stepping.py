@@ -65,6 +65,8 @@ LINEAR = 0.1
 """Share of the tolerance within which D is taken for 0."""
 KINK = 100.0
 """Error beyond which a step is looked at for an event up to which it is linear, before anything else."""
+NEARLY = 0.95
+"""Share of the way to an event that is tried where the step is neither linear up to it nor smooth beyond."""
 SWEEPS = 3
 JUST_NOW = 1e-12
 """Share of a step by which an event may be noticed late."""
@@ -200,12 +202,16 @@ def try_step(
         wanted = h * (5.0 if error < 1e-3 * LINEAR else 2.0)
         if error <= LINEAR:
             break
-        share = linear_up_to(code, tab, r, mode, w, h, terms) if terms > 0 and not error <= KINK else 1.0
-        if share < 1.0:
-            error, wanted = 0.0, w[CLOCK, WANTED]
-            break
+        event = 1.0
+        if terms > 0 and not error <= KINK:
+            event, fits = linear_up_to(code, tab, r, mode, w, h, terms)
+            if fits:
+                error, share, wanted = 0.0, event, w[CLOCK, WANTED]
+                break
         error, terms = cubic(code, tab, r, mode, w, h, place, terms)
         wanted = h * (min(5.0, max(0.2, 0.8 * max(error, 1e-4) ** -0.25)) if np.isfinite(error) else 0.1)
+        if not error <= 1.0:
+            wanted = max(wanted, NEARLY * event * h if event < 1.0 else 0.0)
         if error <= 1.0 or not stiff or same(w, tab[NS], place, h, ALIKE):
             break
     status = OK
@@ -228,14 +234,39 @@ def vanished(w: Floats2, error: float) -> int:
     return STEP_VANISHED if finite else NOT_FINITE
 
 
-def linear_up_to(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, terms: int) -> float:
-    """Share of the step at which something happens, if all is linear up to there (the point HERE is it), else 1."""
+def linear_up_to(
+    code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, h: float, terms: int
+) -> tuple[float, bool]:
+    """Share of the step, taken as linear, at which something happens, 1 if nothing does; whether it is linear so far.
+
+    If so, the point HERE is as `locate` leaves it.
+    """
     if not margins(code, tab, r, mode, w, POINT + END, RATE + END, HIGH):
-        return 1.0
+        return 1.0, False
     share = locate(code, tab, r, mode, w, h, terms, 1.0)
+    fits = is_linear(code, tab, r, mode, w, h, terms, share, HERE)
+    if not fits:  # the rates may jump there
+        fits = is_linear(code, tab, r, mode, w, h, terms, share - min(0.5 * share, 1e-10), HALF)
+        if fits:
+            hits(code, tab, r, mode, w, h, terms, share, HIGH)
+    return share, fits
+
+
+def is_linear(
+    code: Ints2,
+    tab: Ints1,
+    r: Floats1,
+    mode: Ints1,
+    w: Floats2,
+    h: float,
+    terms: int,
+    share: float,
+    look: int,
+) -> bool:
+    """Whether the step is linear up to a share of it; point and rates there go to rows `look`."""
     along(tab, w, terms, share, CHANGE)
-    held = go_to(code, tab, r, mode, w, w[CLOCK, TIME] + share * h, share, HERE, JAC)
-    return share if held and error_of(tab, w, h * share, NO_PROPAGATOR, POINT + HERE) <= LINEAR else 1.0
+    held = go_to(code, tab, r, mode, w, w[CLOCK, TIME] + share * h, share, look, JAC)
+    return held and error_of(tab, w, h * share, NO_PROPAGATOR, POINT + look) <= LINEAR
 
 
 def hits(
