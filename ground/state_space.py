@@ -1,7 +1,7 @@
 """Explores the product of the hop state machine with its interlocks, exhaustively.
 
 A state is what the machine remembers that is no number: phase, load, trust, reason, target, fire time, positions
-known, retries, monitors beyond their limit. Everything else (times, readings, the nut's rest, how good the latch test
+known, retries, monitors about to trip. Everything else (times, readings, the nut's rest, how good the latch test
 was) is chosen anew at each step from representatives of all cases, so that more can be reached here than on a robot.
 From each state the real `step` is taken with every combination of these and of commands, and what it answers is held
 to rules that are written here from the inputs alone.
@@ -23,7 +23,9 @@ from hal.readings import GroundCommand
 
 NOW_S = 1000.0
 WANTED_J = 15.0
-TICKS = 2  # each persistence counts to two here: not yet, and now
+PENDING = frozenset({"over_current", "motor_disobeys"})
+"""Monitors that count to two here (not yet, and now); the others trip at once. One that is beyond its limit and has
+not tripped is one interlock, whichever it is."""
 
 COMMANDS: tuple[tuple[str, ...], ...] = (
     (),
@@ -152,7 +154,7 @@ def explore(
 def _quick(settings: FlightSettings) -> FlightSettings:
     """All persistences as short as can be, so that no state hides behind a long count."""
     monitors = {
-        name: replace(rule, for_ticks=min(rule.for_ticks, TICKS)) for name, rule in settings.monitors.items()
+        name: replace(rule, for_ticks=2 if name in PENDING else 1) for name, rule in settings.monitors.items()
     }
     return replace(settings, monitors=monitors)
 
@@ -169,7 +171,7 @@ def _key(machine: Machine) -> tuple[object, ...]:
         machine.home_m is not None,
         machine.taut_m is not None,
         machine.retries,
-        frozenset(machine.beyond_ticks),
+        PENDING.intersection(machine.beyond_ticks),
     )
 
 
