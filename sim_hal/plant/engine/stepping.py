@@ -40,6 +40,7 @@ from sim_hal.plant.engine.machine import (
     RATE,
     RELATIVE,
     SCALE,
+    SPAN,
     SPARE,
     START,
     STATE,
@@ -110,7 +111,9 @@ def go_to(
         w[SPARE, s] = w[CHANGE, s]
     for s in range(n):
         total = w[RATE + look, s] - w[FORCE, s] - w[FORCE + 1, s] * share
-        for c in range(n):
+        first = int(w[SPAN, s]) if matrix == JAC else 0
+        last = int(w[SPAN + 1, s]) if matrix == JAC else n
+        for c in range(first, last):
             total -= w[matrix + s, c] * w[SPARE, c]
         w[CHANGE, s] = total
     return held
@@ -300,7 +303,7 @@ def root(below: float, above: float, falls: float, rises: float) -> float:
     first, last = falls if falls != 0.0 else chord, rises if rises != 0.0 else chord
     square, cube = 3.0 * chord - 2.0 * first - last, first + last - 2.0 * chord
     x = below / (below - above)
-    for _ in range(4):
+    for _ in range(3):
         slope = first + x * (2.0 * square + 3.0 * cube * x)
         if not slope < 0.0:
             break

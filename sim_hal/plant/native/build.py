@@ -139,11 +139,18 @@ def _kept(function: Function) -> bytes:
         draft = path.with_suffix(f".{os.getpid()}")
         draft.write_bytes(hashlib.sha256(code).digest() + code)
         draft.replace(path)
+        for other in folder.glob(f"{function.__name__}-*.o") if folder == _beside() else ():
+            if other != path:  # of sources that are no more
+                other.unlink(missing_ok=True)
     return code
 
 
+def _beside() -> Path:
+    return _SOURCES / "__pycache__"
+
+
 def _folder() -> Path:
-    beside = _SOURCES / "__pycache__"
+    beside = _beside()
     if os.access(beside if beside.exists() else _SOURCES, os.W_OK):
         return beside
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hopper"
