@@ -15,8 +15,9 @@ from sim_hal.chips.board import EmulatedBoard
 from sim_hal.chips.bridge import MockPins, PwmTree
 
 CHILD = """
-import atexit, sys
+import atexit, signal, sys
 from pathlib import Path
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job starts with it ignored
 sys.path.insert(0, {helpers!r})
 board = None
 def tell():  # registered first, so that it runs after everything else
