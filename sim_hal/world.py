@@ -16,6 +16,7 @@ from sim_hal.drive import TensioningDrive
 from sim_hal.hop import Hop, standing_reading_m_s2
 from sim_hal.plant.plantfile import plant_document, read_plant
 from sim_hal.plant.simulate import Plant
+from sim_hal.sensors import GRID_TOLERANCE_S
 from sim_hal.settings import SimSettings, Spot
 from sim_hal.truth import HopTruth, hop_truth
 
@@ -150,14 +151,11 @@ class World:
         Instants lie between the last advance and `to_s`, oldest first.
         """
         moving = set(wanted) if self._hop is not None else {NUT, CURRENT, SPRING}
-        instants = sorted({to_s}.union(*(wanted[channel] for channel in moving)))
-        of_drive = {to_s}.union(wanted[NUT], wanted[CURRENT])
-        seen = {instant: self._look(instant, instant in of_drive) for instant in instants}
-        truth = {
-            channel: [seen[instant][channel] for instant in times]
-            for channel, times in wanted.items()
-            if channel in moving
-        }
+        # sums of periods round either way: what is due now is looked at once
+        due = {channel: [_reached(instant, to_s) for instant in wanted[channel]] for channel in moving}
+        of_drive = {to_s}.union(due[NUT], due[CURRENT])
+        seen = {at_s: self._look(at_s, at_s in of_drive) for at_s in sorted({to_s}.union(*due.values()))}
+        truth = {channel: [seen[at_s][channel] for at_s in times] for channel, times in due.items()}
         if ACCELERATION not in truth:
             truth[ACCELERATION] = [self._standing_m_s2] * len(wanted[ACCELERATION])
         if MAGNET not in truth:
@@ -213,6 +211,11 @@ class World:
         if self.lock_is_due and not self.lock_blocked:
             self.latch_closed = True
             self._drive.hold_string()
+
+
+def _reached(instant_s: float, now_s: float) -> float:
+    """The instant, or now where that is the same but for rounding."""
+    return now_s if instant_s > now_s - GRID_TOLERANCE_S else instant_s
 
 
 def plant_at(plant: Plant, spot: Spot) -> Plant:
