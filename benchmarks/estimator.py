@@ -104,11 +104,19 @@ def summary(outcomes: Sequence[Outcome]) -> dict[str, float]:
     found["tof_median_error_ms_all"] = broad.get("tof_median_ms", math.nan)
     bounded = [o for o in nominal_hops if math.isfinite(o.bound_s) and o.answer.accepted]
     if bounded:
-        errors = np.array([o.flight_error_ms for o in bounded])
-        bounds = np.array([1e3 * o.bound_s for o in bounded])
-        found["ratio_to_bound_nominal"] = float(np.sqrt(np.mean(errors**2) / np.mean(bounds**2)))
-        found["bound_ms_nominal"] = float(np.sqrt(np.mean(bounds**2)))
+        found["ratio_to_bound_nominal"] = _ratio_to_bound(bounded)
+        found["ratio_to_bound_nominal_soil"] = _ratio_to_bound(
+            [o for o in bounded if o.case.surface != "steel"]
+        )
+        found["bound_ms_nominal"] = float(np.sqrt(np.mean([(1e3 * o.bound_s) ** 2 for o in bounded])))
     return {name: value for name, value in found.items() if math.isfinite(value)}
+
+
+def _ratio_to_bound(outcomes: Sequence[Outcome]) -> float:
+    """Root mean square error over that of the bound."""
+    errors = np.array([o.flight_error_ms for o in outcomes])
+    bounds = np.array([1e3 * o.bound_s for o in outcomes])
+    return float(np.sqrt(np.mean(errors**2) / np.mean(bounds**2))) if outcomes else math.nan
 
 
 def cells(outcomes: Sequence[Outcome]) -> list[tuple[str, int, dict[str, float]]]:
