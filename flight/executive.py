@@ -133,6 +133,8 @@ class _Executive:
         self._tell(before, (*events, *answer.events), answer.outputs)
         if self.machine.phase is Phase.ARMED and before.phase is not Phase.ARMED:
             self.recorder.clear()
+        elif self.machine.phase is Phase.FIRING and before.phase is not Phase.FIRING:
+            self.recorder.hold()
         done_s = now_s
         if answer.outputs.evaluate:
             self._evaluate()

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Batch = TypeVar("Batch", SpecificForce, SpringCompression, MagnetCurrent)
 
 
-_KEPT_S = 12.0  # of what came before the newest sample: longer than any hop
+_KEPT_S = 12.0  # longer than any hop
 
 
 @dataclass(frozen=True)
@@ -46,16 +46,23 @@ class HopRecord:
 class HopRecorder:
     """Collects the batches of one hop as they come from the FIFOs, and each sensor's clock against the board's.
 
-    Memory is bounded: of a long wait before the hop the newest seconds are kept.
+    Memory is bounded: of a long wait before the hop the newest seconds are kept, and of a hop, once `hold` was
+    called, the first: a spring may ring on for long after the foot is down.
     """
 
     _accelerometer: deque[SpecificForce] = field(default_factory=deque)
     _spring: deque[SpringCompression] = field(default_factory=deque)
     _magnet: deque[MagnetCurrent] = field(default_factory=deque)
     _clocks: dict[str, SensorClock] = field(default_factory=dict)
+    _holding: bool = False
+
+    def hold(self) -> None:
+        """The hop begins: what was kept stays until `clear`."""
+        self._holding = True
 
     def clear(self) -> None:
         """Forget the samples; what is known of the clocks stays."""
+        self._holding = False
         self._accelerometer.clear()
         self._spring.clear()
         self._magnet.clear()
@@ -79,13 +86,18 @@ class HopRecorder:
             self._keep("magnet", self._magnet, magnet, now_s)
 
     def _keep(self, name: str, batches: deque[Batch], batch: Batch, now_s: float | None) -> None:
-        batches.append(batch)
         if not batch.times_s:
+            if batch.overrun:  # it tells of a loss
+                batches.append(batch)
             return
         newest = batch.times_s[-1]
         if now_s is not None:
             self._clocks.setdefault(name, SensorClock()).add(newest, now_s)
-        while len(batches) > 1 and (not batches[0].times_s or newest - batches[0].times_s[-1] > _KEPT_S):
+        oldest = next((kept.times_s[0] for kept in batches if kept.times_s), newest)
+        if self._holding and newest - oldest > _KEPT_S:
+            return
+        batches.append(batch)
+        while not batches[0].times_s or newest - batches[0].times_s[-1] > _KEPT_S:
             batches.popleft()
 
     def clock(self, name: str) -> ClockMap:

@@ -6,7 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from ground.reproduce.paper import Paper, load_paper
 from ground.reproduce.plan import CampaignPlan, load_campaign
 from ground.reproduce.table import TableMap, load_map, read_campaign_table
 from hal.config import config_path
+from hal.errors import ConfigError
 from sim_hal.soils import Soils, load_soils
 
 FORMAT = 1
@@ -62,7 +63,7 @@ def configured_campaign(plan_path: Path | None = None) -> Campaign:
 def reproduce_by_flight(campaign: Campaign, seed: int, show: Show, processes: int = 1) -> Reproduction:
     """Fly the whole campaign and compare. The same seed gives the same numbers, on any number of processes."""
     flown = fly_campaign(campaign.missions(seed), campaign.settings, show, processes)
-    return compared(campaign, campaign_runs(flown, campaign.settings))
+    return compared(campaign, *campaign_runs(flown, campaign.settings))
 
 
 def flown_words(campaign: Campaign, seed: int) -> str:
@@ -85,14 +86,19 @@ def reproduce_by_table(campaign: Campaign, table: Path, mapping: Path) -> Reprod
     return compared(campaign, read_campaign_table(table, table_map, mapping, campaign.settings.rig))
 
 
-def compared(campaign: Campaign, runs: Sequence[CampaignRun]) -> Reproduction:
-    """The runs through the energy chain, and every published number that they bear on beside theirs."""
+def compared(campaign: Campaign, runs: Sequence[CampaignRun], rejected: Sequence[str] = ()) -> Reproduction:
+    """The runs through the energy chain, and every published number that they bear on beside theirs.
+
+    Raises `ConfigError` when no run is left.
+    """
+    if not runs:
+        raise ConfigError(f"no run to compare; rejected: {'; '.join(rejected) or 'none'}")
     rig = campaign.settings.rig
     chain = through_chain(runs, rig)
     mechanisms = Mechanisms(rig, campaign.plan.least_damping_n_s_m)
     made = reproduce(chain, campaign.paper, campaign.plan.analysis, mechanisms)
     moon = tuple(moon_rows(chain, campaign.paper))
-    return Reproduction(made.chain, made.c1_analysis, made.predictions, (*made.found, *moon))
+    return replace(made, found=(*made.found, *moon), rejected=tuple(rejected))
 
 
 def content(campaign: Campaign, made: Reproduction, seed: int | None) -> dict[str, Any]:
@@ -103,6 +109,7 @@ def content(campaign: Campaign, made: Reproduction, seed: int | None) -> dict[st
         "paper": campaign.paper.citation,
         "seed": seed,
         "verdict": verdict(made),
+        "rejected": list(made.rejected),
         "figures": figures,
         "runs": [run_row(made, index) for index in range(len(made.chain.runs))],
         "disagreements": [asdict(each) for each in disagreements(campaign.paper, campaign.settings.rig)],

@@ -207,29 +207,37 @@ def _board(mission: Mission, settings: FlightSettings) -> dict[str, Any]:
     return {**found, "seed": mission.seed, "spots": spots}
 
 
-def campaign_runs(flown: Sequence[FlownHop], settings: FlightSettings) -> list[CampaignRun]:
-    """The runs of the campaign, probes left out. Raises `CampaignFailed` for a hop without a height.
+def campaign_runs(flown: Sequence[FlownHop], settings: FlightSettings) -> tuple[list[CampaignRun], list[str]]:
+    """The accepted runs of the campaign, probes left out, and those rejected, each named with its reasons.
 
     Errors that a hop has of its own are told apart by set-up, those of the rig stay common.
     """
     runs: list[CampaignRun] = []
+    rejected: list[str] = []
     believed: dict[tuple[str, str], float] = {}
     for each in flown:
         place = (each.setup.name, each.hop.plan.place)
         if not each.hop.probe:
-            runs.append(_run(each, settings, believed.get(place)))
+            run = _run(each, settings, believed.get(place))
+            if run is None:
+                rejected.append(f"{_name(each)}: {'; '.join(each.report.reasons)}")
+            else:
+                runs.append(run)
         if each.report.belief is not None:
             believed[place] = each.report.belief.c3_mean
-    return runs
+    return runs, rejected
 
 
-def _run(each: FlownHop, settings: FlightSettings, known_c3: float | None) -> CampaignRun:
+def _name(each: FlownHop) -> str:
+    return f"{each.setup.name}/{each.report.hop_index + 1}"
+
+
+def _run(each: FlownHop, settings: FlightSettings, known_c3: float | None) -> CampaignRun | None:
     seen, plan = each.report.energies, each.hop.plan
-    name = f"{each.setup.name}/{each.report.hop_index + 1}"
     if seen.compression_m is None or seen.height_m is None:
-        raise CampaignFailed(f"hop {name}: no height was found ({'; '.join(each.report.reasons)})")
+        return None
     return CampaignRun(
-        label=name,
+        label=_name(each),
         setup=each.setup.name,
         surface=plan.surface or REFERENCE,
         foot=each.setup.foot,

@@ -79,6 +79,7 @@ class Reproduction:
     c1_analysis: tuple[float, ...]  # of each run of the chain
     predictions: tuple[Prediction, ...]
     found: tuple[Found, ...]
+    rejected: tuple[str, ...] = ()  # runs whose flight the flight code did not accept, with its reasons
 
     def named(self, name: str) -> Found | None:
         """One of the numbers."""

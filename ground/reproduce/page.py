@@ -42,7 +42,9 @@ def verdict(made: Reproduction) -> str:
     """What came of it, in words."""
     asked = [found for found in made.found if found.met is not None]
     missed = [found.says for found in asked if not found.met]
-    text = f"{len(made.chain.runs)} runs; {len(asked) - len(missed)} of {len(asked)} goals met"
+    text = f"{len(made.chain.runs)} runs"
+    text += f", {len(made.rejected)} rejected" if made.rejected else ""
+    text += f"; {len(asked) - len(missed)} of {len(asked)} goals met"
     mae = made.named("mae_by_flight_all") or made.named("mae_by_average_all")
     if mae is not None and mae.published is not None:
         text += f"; predicted heights are {100 * mae.value:.1f} % off on average, "
@@ -59,6 +61,8 @@ def write_page(
     tone: Tone = "plain" if not asked else "good" if all(asked) else "bad"
     page.sentence(verdict(made), tone)
     page.text(how)
+    if made.rejected:
+        page.text("Rejected by the flight code, and left out: " + ". ".join(made.rejected) + ".")
     _coefficients(page, made, paper)
     _ground(page, made, paper, soils)
     _heights(page, made)

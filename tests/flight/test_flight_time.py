@@ -303,3 +303,29 @@ def test_the_magnets_current_says_when_the_lock_cannot_have_opened_yet() -> None
     without, with_current = find_push(record, fit, 0.03, 0.765), find_push(seen_current, fit, 0.03, 0.765)
     assert with_current.opening_sigma_s < 0.7 * without.opening_sigma_s
     assert abs(with_current.times_s[0] - opening_s) < 2.5 * with_current.opening_sigma_s
+
+
+def test_the_recorder_keeps_the_newest_before_a_hop_and_the_first_of_it() -> None:
+    """Two hours of waiting, then a spring that rings on for longer than there is room."""
+    recorder = HopRecorder()
+
+    def feed(start_s: float, batches: int) -> None:
+        for number in range(batches):
+            times_s = (start_s + 0.1 * number, start_s + 0.1 * number + 0.05)
+            recorder.add(SpecificForce(times_s, (9.0, 8.0)), SpringCompression(times_s, (0.0, 0.01)), None)
+
+    feed(0.0, 600)
+    waited = recorder.record(60.0)
+    assert waited.times_s[0] > 45.0
+    assert waited.times_s[-1] == pytest.approx(59.95)
+    recorder.clear()
+    feed(60.0, 20)
+    recorder.hold()
+    feed(62.0, 400)
+    hop = recorder.record(62.0)
+    assert hop.times_s[0] == hop.spring_times_s[0] == 60.0
+    assert 70.0 < hop.times_s[-1] < 73.0
+    assert np.all(np.diff(hop.times_s) > 0.0)
+    recorder.clear()
+    feed(102.0, 300)
+    assert recorder.record(130.0).times_s[0] > 115.0

@@ -23,6 +23,7 @@ from ground.reproduce.disagreements import disagreements
 from ground.reproduce.fly import FlownHop, campaign_runs, drawn_missions, fly_campaign
 from ground.reproduce.mechanism import Mechanisms
 from ground.reproduce.moon import moon_height_m
+from ground.reproduce.page import verdict
 from ground.reproduce.paper import load_paper
 from ground.reproduce.plan import load_campaign
 from hal.config import config_path
@@ -127,7 +128,7 @@ def test_a_campaign_flies_the_same_on_one_process_and_on_two() -> None:
 
 def test_the_chain_of_a_flown_set_up_is_the_flight_codes_own(sand: tuple[Campaign, list[FlownHop]]) -> None:
     campaign, flown = sand
-    chain = through_chain(campaign_runs(flown, campaign.settings), campaign.settings.rig)
+    chain = through_chain(campaign_runs(flown, campaign.settings)[0], campaign.settings.rig)
     assert [each.hop.probe for each in flown] == [False, True, False]
     assert len(chain.runs) == 2  # the probe is none of the campaign's runs
     test, report, truth = chain.tests[0], flown[-1].report, flown[-1].truth
@@ -137,9 +138,24 @@ def test_the_chain_of_a_flown_set_up_is_the_flight_codes_own(sand: tuple[Campaig
     assert test.run.known_c3 == pytest.approx(truth.c3, abs=0.1)
 
 
+def test_a_rejected_run_is_left_out_and_named(sand: tuple[Campaign, list[FlownHop]]) -> None:
+    """One hop that shows no height: the rest is compared, and the page and the numbers say what is missing."""
+    campaign, flown = sand
+    lost = replace(flown[-1].report.energies, height_m=None)
+    report = replace(flown[-1].report, energies=lost)
+    runs, rejected = campaign_runs([*flown[:-1], replace(flown[-1], report=report)], campaign.settings)
+    assert [run.reference for run in runs] == [True]
+    assert len(rejected) == 1 and rejected[0].startswith(flown[-1].setup.name)
+    made = compared(campaign, runs, rejected)
+    assert content(campaign, made, 3)["rejected"] == rejected
+    assert verdict(made).startswith("1 runs, 1 rejected")
+    with pytest.raises(ConfigError, match="no run to compare"):
+        compared(campaign, [], rejected)
+
+
 def test_all_that_is_written_of_a_campaign(tmp_path: Path, sand: tuple[Campaign, list[FlownHop]]) -> None:
     campaign, flown = sand
-    made = compared(campaign, campaign_runs(flown, campaign.settings))
+    made = compared(campaign, *campaign_runs(flown, campaign.settings))
     page = write_results(campaign, made, tmp_path / "out", 3, "how").read_text(encoding="utf-8")
     assert page.count('data-for="figure-') == 5  # no Syar, so no Figure 17
     assert "<script src" not in page and "<link" not in page
