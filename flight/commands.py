@@ -6,7 +6,6 @@ Commands of the ground and of the mission's own pilot pass here alike.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from flight import tensioning
 from flight.machine_tick import Tick
@@ -89,7 +88,7 @@ def _obey_stow(tick: Tick, command: GroundCommand) -> None:
 
 def _obey_abort(tick: Tick, command: GroundCommand) -> None:
     if tick.machine.phase is Phase.DE_TENSION:  # already on the way to where an abort leads
-        tick.machine = replace(tick.machine, reason=tick.machine.reason_after("abort"))
+        tick.machine = tick.machine._replace(reason=tick.machine.reason_after("abort"))
     else:
         tick.fail(Fault("abort"))
 

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from flight import hop_machine
@@ -129,7 +129,7 @@ class _Executive:
         self.machine = answer.machine
         unkept = self._spring.keep(self.machine)  # on record first, then done
         events += [unkept] if unkept else []
-        self._apply(replace(answer.outputs, magnet_on=False) if self._spring.failed else answer.outputs)
+        self._apply(answer.outputs._replace(magnet_on=False) if self._spring.failed else answer.outputs)
         self._tell(before, (*events, *answer.events), answer.outputs)
         if self.machine.phase is Phase.ARMED and before.phase is not Phase.ARMED:
             self.recorder.clear()
@@ -153,7 +153,7 @@ class _Executive:
         self.outputs_off()
         reason = MOTOR_FAILED if isinstance(error, MotorFailed) else f"exception:{type(error).__name__}"
         before, named = self.machine.phase, self.machine.reason_after(reason)
-        self.machine = replace(self.machine, phase=Phase.SAFE, reason=named)
+        self.machine = self.machine._replace(phase=Phase.SAFE, reason=named)
         with suppress(Exception):  # log or link may be what failed
             self._event(Event("fault", {"reason": reason, "error": str(error)}))
             self._state(before, Phase.SAFE, reason)
@@ -178,7 +178,7 @@ class _Executive:
         self.board.magnet_current.set_rate_hz(sensors.magnet_current_rate_hz)
         self._due_s = now_s
         self._stroked_s = now_s
-        self.machine = replace(self.machine, since_s=now_s, moved_s=now_s)
+        self.machine = self.machine._replace(since_s=now_s, moved_s=now_s)
         self._event(self._spring.found())
         record, found = self._ground.found()
         self._event(found)

@@ -8,7 +8,6 @@ fault table says: by way of DE_TENSION or SAFE_HOLD when the spring is loaded an
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from flight import tensioning
 from flight.commands import obey
@@ -48,11 +47,11 @@ def decide(
         obey(tick, command)
     outputs = ACTIONS[tick.machine.phase](tick)
     # An action may have changed the phase: what the new phase forbids must not last until the next tick.
-    if tick.machine.phase is not Phase.FIRING:
-        outputs = replace(outputs, magnet_on=False)
+    if outputs.magnet_on and tick.machine.phase is not Phase.FIRING:
+        outputs = outputs._replace(magnet_on=False)
     if tick.machine.phase is Phase.SAFE:
         outputs = Outputs()
-    after = replace(tick.machine, voltage_v=outputs.voltage_v)
+    after = tick.machine._replace(voltage_v=outputs.voltage_v)
     return Step(after, outputs, tuple(tick.events), monitors_alive=not dead)
 
 
@@ -65,8 +64,14 @@ def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Mach
     followed = abs(speed_m_s) >= safety.stall_speed_m_s
     steady = abs(speed_m_s) < safety.stable_speed_m_s
     drawn_a = max(snap.motor_current_a, 0.0)
-    return replace(
-        _observe_sameness(_observe_load(machine, snap, travel_m, settings), snap, running=followed),
+    compression_m, unloaded_ticks, loaded = _load(machine, snap, travel_m, settings)
+    same_current, same_force = _sameness(machine, snap, running=followed)
+    return machine._replace(
+        compression_m=compression_m,
+        unloaded_ticks=unloaded_ticks,
+        loaded=loaded,
+        same_current=same_current,
+        same_force=same_force,
         position_m=snap.nut_position_m,
         last_s=snap.time_s,
         speed_m_s=speed_m_s,
@@ -81,14 +86,18 @@ def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Mach
     )
 
 
-def _observe_sameness(machine: Machine, snap: Snapshot, running: bool) -> Machine:
+_NOT_SAME = Sameness()
+
+
+def _sameness(machine: Machine, snap: Snapshot, running: bool) -> tuple[Sameness, Sameness]:
     """Whether readings that cannot stay the same do: the current of a running motor, a noisy accelerometer."""
-    current, force, sampled_s = Sameness(), Sameness(), snap.sampled_s
+    current = force = _NOT_SAME
+    sampled_s = snap.sampled_s
     if running and "motor_current" in sampled_s:
         current = machine.same_current.after(snap.motor_current_a, sampled_s["motor_current"])
     if snap.specific_force_low_m_s2 == snap.specific_force_high_m_s2 and "accelerometer" in sampled_s:
         force = machine.same_force.after(snap.specific_force_m_s2, sampled_s["accelerometer"])
-    return replace(machine, same_current=current, same_force=force)
+    return current, force
 
 
 def _winding_rise_k(machine: Machine, snap: Snapshot, elapsed_s: float, drive: DriveSettings) -> float:
@@ -98,8 +107,10 @@ def _winding_rise_k(machine: Machine, snap: Snapshot, elapsed_s: float, drive: D
     return machine.winding_rise_k + share * (heat_k - machine.winding_rise_k)
 
 
-def _observe_load(machine: Machine, snap: Snapshot, travel_m: float, settings: FlightSettings) -> Machine:
-    """Compression of the spring, and whether it counts as loaded.
+def _load(
+    machine: Machine, snap: Snapshot, travel_m: float, settings: FlightSettings
+) -> tuple[float, int, bool]:
+    """Compression of the spring, ticks for which it was seen to hold nothing, and whether it counts as loaded.
 
     It does until, with the nut at home, the spring sensor has shown for some ticks that nothing is stored.
     """
@@ -115,5 +126,4 @@ def _observe_load(machine: Machine, snap: Snapshot, travel_m: float, settings: F
     relaxed = fresh and snap.at_home and abs(snap.compression_m) < safety.unloaded_compression_m
     unloaded_ticks = machine.unloaded_ticks + 1 if relaxed else 0
     above = compression_m > safety.unloaded_compression_m and snap.latch_closed
-    loaded = above or (machine.loaded and unloaded_ticks < safety.stable_ticks)
-    return replace(machine, compression_m=compression_m, unloaded_ticks=unloaded_ticks, loaded=loaded)
+    return compression_m, unloaded_ticks, above or (machine.loaded and unloaded_ticks < safety.stable_ticks)

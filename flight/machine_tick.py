@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from flight import tensioning
@@ -34,7 +33,7 @@ class Tick:
         if phase not in TRANSITIONS[self.machine.phase]:
             raise RuntimeError(f"no way from {self.machine.phase} to {phase}")
         now_s = self.snap.time_s
-        self.machine = replace(self.machine, phase=phase, since_s=now_s, moved_s=now_s, **changes)
+        self.machine = self.machine._replace(phase=phase, since_s=now_s, moved_s=now_s, **changes)
 
     def fail(self, fault: Fault) -> None:
         """Answer a fault as the table says; what cannot be done any more gives way to what can."""
@@ -72,7 +71,7 @@ class Tick:
     def drive(self, wanted_m_s: float) -> float:
         """The slew-limited voltage for a nut speed."""
         machine, settings = self.machine, self.settings
-        self.machine = replace(machine, wanted_m_s=wanted_m_s)
+        self.machine = machine._replace(wanted_m_s=wanted_m_s)
         wanted_v = tensioning.drive_voltage_v(
             wanted_m_s, machine.speed_m_s, machine.compression_m, machine.mean_current_a, settings
         )
@@ -80,12 +79,12 @@ class Tick:
 
     def hold(self) -> float:
         """The slew-limited voltage that keeps the nut where it is."""
-        self.machine = replace(self.machine, wanted_m_s=0.0)
+        self.machine = self.machine._replace(wanted_m_s=0.0)
         return self.slew(tensioning.hold_voltage_v(self.machine.compression_m, self.settings))
 
     def stop(self) -> float:
         """The slew-limited voltage on the way to none."""
-        self.machine = replace(self.machine, wanted_m_s=0.0)
+        self.machine = self.machine._replace(wanted_m_s=0.0)
         return self.slew(0.0)
 
     def slew(self, wanted_v: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from flight.states import Phase
 from hal.config import Limits
@@ -39,6 +39,15 @@ class Response(StrEnum):
     POWER_OFF = "power_off"
 
 
+class MonitorLimit(NamedTuple):
+    """A quantity is beyond its limit when `sign` times it is above `limit`; it counts in these phases."""
+
+    name: str
+    sign: float
+    limit: float
+    phases: frozenset[Phase]
+
+
 @dataclass(frozen=True)
 class MonitorSettings:
     """One row. Without a limit, a phase raises the fault by itself and only the response stands here."""
@@ -61,11 +70,12 @@ class MonitorSettings:
         """The phases in which it is watched."""
         return frozenset().union(*(GROUPS[name] for name in self.watched_in))
 
-    def exceeded_by(self, quantity: float) -> bool:
-        """Whether a quantity is beyond the limit."""
+    def limit_of(self, name: str) -> MonitorLimit:
+        """What is compared, under the monitor's name; of a row that measures."""
         if self.above is not None:
-            return quantity > self.above
-        return self.below is not None and quantity < self.below
+            return MonitorLimit(name, 1.0, self.above, self.phases)
+        assert self.below is not None
+        return MonitorLimit(name, -1.0, -self.below, self.phases)
 
     def problem(self) -> str:
         """What is wrong with the row, as 'key = value is no ...'; empty when nothing is."""

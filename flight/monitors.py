@@ -6,8 +6,7 @@ computed is dead, which is a fault by itself: the watchdog is stroked only while
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from flight.quantities import QUANTITIES
 from flight.settings import FlightSettings
@@ -33,19 +32,22 @@ def watch(machine: Machine, snap: Snapshot, settings: FlightSettings) -> tuple[M
     """The machine with each monitor's count of ticks beyond its limit, and the names of dead monitors."""
     counts: dict[str, int] = {}
     dead: list[str] = []
-    for name, rule in settings.measured_monitors:
+    phase, beyond = machine.phase, machine.beyond_ticks
+    for name, sign, limit, phases in settings.measured_monitors:
         try:
             quantity = QUANTITIES[name](machine, snap, settings)
         except (ArithmeticError, LookupError, TypeError, ValueError):
-            quantity = math.nan
-        if quantity is None:  # nothing new is known
-            if name in machine.beyond_ticks and machine.phase in rule.phases:
-                counts[name] = machine.beyond_ticks[name]
-        elif math.isnan(quantity):
             dead.append(name)
-        elif rule.exceeded_by(quantity) and machine.phase in rule.phases:
-            counts[name] = machine.beyond_ticks.get(name, 0) + 1
-    return replace(machine, beyond_ticks=counts), tuple(dead)
+            continue
+        if quantity is None:  # nothing new is known
+            if name in beyond and phase in phases:
+                counts[name] = beyond[name]
+        elif sign * quantity > limit:
+            if phase in phases:
+                counts[name] = beyond.get(name, 0) + 1
+        elif quantity != quantity:  # no number
+            dead.append(name)
+    return machine._replace(beyond_ticks=counts), tuple(dead)
 
 
 def find_fault(machine: Machine, dead: tuple[str, ...], settings: FlightSettings) -> Fault | None:

@@ -32,8 +32,8 @@ class Senses:
         events: list[Event] = []
         board, old = self.board, self.latest
         self._failed = 0
-        values = {name: getattr(old, name) for name in old.__slots__ if name not in ("time_s", "sampled_s")}
-        sampled = dict(old.sampled_s)
+        values: dict[str, Any] = {"time_s": now_s, "tick_late_s": late_s, **known}
+        values["sampled_s"] = sampled = dict(old.sampled_s)
         motor = self._try("motor_current", board.motor_current.read, events)
         if motor is not None:
             values["motor_current_a"], sampled["motor_current"] = motor.current_a, motor.time_s
@@ -57,8 +57,7 @@ class Senses:
             values["specific_force_m_s2"], sampled["accelerometer"] = newest[-1], force.times_s[-1]
             values["specific_force_low_m_s2"], values["specific_force_high_m_s2"] = min(newest), max(newest)
         self.recorder.add(force, spring, magnet, now_s)
-        values |= {"tick_late_s": late_s, "failed_reads": self._failed, **known}
-        self.latest = Snapshot(time_s=now_s, sampled_s=sampled, **values)
+        self.latest = old._replace(failed_reads=self._failed, **values)
         return self.latest, events
 
     def _try(self, name: str, read: Callable[[], T], events: list[Event]) -> T | None:

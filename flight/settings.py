@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 from flight.log import LogSettings
-from flight.monitor_settings import MonitorSettings, monitors_problem
+from flight.monitor_settings import MonitorLimit, MonitorSettings, monitors_problem
 from flight.parameters import parameters_problem
 from flight.rig import NotNegative, Positive, Share, rig_problem
 from flight.rig import RigSettings as RigSettings
@@ -170,9 +170,9 @@ class FlightSettings:
     monitors: dict[str, MonitorSettings]
 
     @cached_property
-    def measured_monitors(self) -> tuple[tuple[str, MonitorSettings], ...]:
+    def measured_monitors(self) -> tuple[MonitorLimit, ...]:
         """The monitors that compare a quantity with a limit, in the order of the table."""
-        return tuple((name, rule) for name, rule in self.monitors.items() if rule.measured)
+        return tuple(rule.limit_of(name) for name, rule in self.monitors.items() if rule.measured)
 
     @property
     def max_compression_m(self) -> float:

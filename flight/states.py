@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from hal.dictionary import dictionary
 
@@ -56,8 +58,7 @@ STOWED = "stowed"
 SENSORS = ("motor_current", "nut_encoder", "switches", "spring", "magnet_current", "accelerometer")
 
 
-@dataclass(frozen=True, slots=True)
-class Snapshot:
+class Snapshot(NamedTuple):
     """The latest reading of every sensor at one tick, each with the time at which it was sampled.
 
     A time of minus infinity says that the sensor has not delivered yet. Of the streamed sensors the newest
@@ -74,7 +75,7 @@ class Snapshot:
     specific_force_m_s2: float = 0.0
     specific_force_low_m_s2: float = 0.0
     specific_force_high_m_s2: float = 0.0
-    sampled_s: dict[str, float] = field(default_factory=dict)
+    sampled_s: Mapping[str, float] = MappingProxyType({})
     tick_late_s: float = 0.0
     unstroked_share: float = 0.0  # time since the watchdog was stroked, of its timeout
     magnet_failed: bool = False  # it did not take its newest command
@@ -123,8 +124,7 @@ class LineFit:
         return self.sum_x / self.count - self.sum_s / self.count / slope
 
 
-@dataclass(frozen=True, slots=True)
-class Sameness:
+class Sameness(NamedTuple):
     """How many new samples in a row have repeated the one before to the last bit."""
 
     value: float | None = None
@@ -138,9 +138,11 @@ class Sameness:
         return Sameness(value, sampled_s, self.repeats + 1 if value == self.value else 0)
 
 
-@dataclass(frozen=True, slots=True)
-class Machine:
-    """The whole state of the hop state machine. Positions are the encoder's."""
+class Machine(NamedTuple):
+    """The whole state of the hop state machine. Positions are the encoder's.
+
+    A named tuple, because it is made anew in every tick and a data class of this size takes several times as long.
+    """
 
     phase: Phase = Phase.POWER_UP
     since_s: float = 0.0
@@ -159,7 +161,7 @@ class Machine:
     compression_m: float = 0.0  # spring sensor and encoder, fused
     moved_s: float = 0.0  # last time at which the nut was seen to follow the voltage
     wanted_m_s: float = 0.0  # the nut speed asked of the drive
-    beyond_ticks: dict[str, int] = field(default_factory=dict)  # by monitor: ticks beyond its limit
+    beyond_ticks: Mapping[str, int] = MappingProxyType({})  # by monitor: ticks beyond its limit
     failed_reads: float = 0.0  # of any sensor, those long ago forgotten
     winding_rise_k: float = 0.0  # of the motor, above its surroundings
     heard_s: float | None = None  # when the ground was heard last
@@ -178,8 +180,7 @@ class Machine:
         return self.reason if self.reason not in ("", STOWED) else reason
 
 
-@dataclass(frozen=True, slots=True)
-class Outputs:
+class Outputs(NamedTuple):
     """What the actuators and sensors shall do from this tick on."""
 
     voltage_v: float = 0.0
@@ -201,8 +202,7 @@ class Event:
         return dictionary().events[self.name].severity
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(NamedTuple):
     """The machine's answer to one tick."""
 
     machine: Machine

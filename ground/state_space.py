@@ -182,8 +182,7 @@ def _concrete(state: Machine, choice: World, settings: FlightSettings) -> tuple[
     rest, upset = settings.rig.static_reading_m_s2, choice.disturbance
     taut_m = None if state.taut_m is None else 0.001
     since_s = NOW_S - choice.age_s
-    machine = replace(
-        state,
+    machine = state._replace(
         since_s=since_s,
         home_m=None if state.home_m is None else 0.0,
         taut_m=taut_m,

@@ -5,8 +5,6 @@ A shadow keeps, in a few lines, what an observer knows: which commands were acce
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import hypothesis.strategies as st
 from hypothesis import Phase as HypothesisPhase
 from hypothesis import settings as hypothesis_settings
@@ -197,8 +195,8 @@ class HopRules(RuleBasedStateMachine):
         if self.machine.phase is Phase.SAFE:
             assert self.machine.reason
             assert self.step is not None
-            assert self.step.outputs == replace(
-                self.step.outputs, voltage_v=0.0, magnet_on=False, evaluate=False
+            assert self.step.outputs == self.step.outputs._replace(
+                voltage_v=0.0, magnet_on=False, evaluate=False
             )
 
     @invariant()
@@ -232,7 +230,7 @@ def standing(compression_m: float, **changes: object) -> Snapshot:
         specific_force_high_m_s2=REST,
         sampled_s=dict.fromkeys(SENSORS, 100.0),
     )
-    return replace(snap, **changes)  # type: ignore[arg-type]
+    return snap._replace(**changes)  # type: ignore[arg-type]
 
 
 def test_each_interlock_alone_forbids_firing() -> None:
@@ -252,13 +250,13 @@ def test_each_interlock_alone_forbids_firing() -> None:
     assert firing_interlocks(machine, good, SETTINGS) == ()
     old = dict.fromkeys(SENSORS, 100.0) | {"spring": 99.97}
     refused = {
-        "latch_open": (machine, replace(good, latch_closed=False)),
-        "energy_off_target": (replace(machine, compression_m=s * 1.02), good),
-        "not_stable": (replace(machine, stable_ticks=3), good),
-        "not_standing_still": (machine, replace(good, specific_force_high_m_s2=REST + 2.0)),
-        "spring_old": (machine, replace(good, sampled_s=old)),
-        "fault_pending": (replace(machine, reason="stall"), good),
-        "no_target": (replace(machine, target=None), good),
+        "latch_open": (machine, good._replace(latch_closed=False)),
+        "energy_off_target": (machine._replace(compression_m=s * 1.02), good),
+        "not_stable": (machine._replace(stable_ticks=3), good),
+        "not_standing_still": (machine, good._replace(specific_force_high_m_s2=REST + 2.0)),
+        "spring_old": (machine, good._replace(sampled_s=old)),
+        "fault_pending": (machine._replace(reason="stall"), good),
+        "no_target": (machine._replace(target=None), good),
     }
     for name, (state, snap) in refused.items():
         assert name in firing_interlocks(state, snap, SETTINGS)

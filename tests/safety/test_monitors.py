@@ -6,7 +6,7 @@ The readings are those of a robot in a phase where all is well (which no monitor
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import pytest
@@ -137,7 +137,7 @@ def count(case: Case, value: float, ticks: int) -> Machine:
     """The machine after so many ticks of the same readings."""
     machine, snap = healthy(case.phase)
     of_machine_, of_snap_ = case.change(value)
-    machine, snap = replace(machine, **of_machine_), replace(snap, **of_snap_)
+    machine, snap = machine._replace(**of_machine_), snap._replace(**of_snap_)
     for _ in range(ticks):
         machine, dead = watch(machine, snap, SETTINGS)
         assert not dead
@@ -163,7 +163,7 @@ def test_it_trips_beyond_its_limit_after_its_time_and_says_its_name(name: str) -
     assert machine.beyond_ticks[name] == rule.for_ticks
     others = {key for key in machine.beyond_ticks if key != name and RULES[key].for_ticks <= rule.for_ticks}
     # what is beyond another limit by the same reading is beyond that one, too; this one must count all the same
-    fault = find_fault(replace(machine, beyond_ticks={name: rule.for_ticks}), (), SETTINGS)
+    fault = find_fault(machine._replace(beyond_ticks={name: rule.for_ticks}), (), SETTINGS)
     assert fault is not None
     assert fault.reason == name
     assert others <= {
@@ -190,8 +190,8 @@ def test_it_does_not_trip_before_its_time_and_a_good_tick_starts_it_anew(name: s
     assert (fault := find_fault(machine, (), SETTINGS)) is None or fault.reason != name
     good, snap = healthy(case.phase)
     within_machine, within_snap = case.change(case.within)
-    again = replace(good, beyond_ticks=machine.beyond_ticks, **within_machine)
-    assert name not in watch(again, replace(snap, **within_snap), SETTINGS)[0].beyond_ticks
+    again = good._replace(beyond_ticks=machine.beyond_ticks, **within_machine)
+    assert name not in watch(again, snap._replace(**within_snap), SETTINGS)[0].beyond_ticks
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -200,8 +200,8 @@ def test_it_does_not_trip_in_a_phase_where_it_is_not_watched(name: str) -> None:
     elsewhere = next(phase for phase in (Phase.EVALUATE, *Phase) if phase not in rule.phases)
     machine, snap = healthy(case.phase)
     of_machine_, of_snap_ = case.change(case.beyond)
-    machine = replace(machine, **{**of_machine_, "phase": elsewhere})
-    assert name not in watch(machine, replace(snap, **of_snap_), SETTINGS)[0].beyond_ticks
+    machine = machine._replace(**{**of_machine_, "phase": elsewhere})
+    assert name not in watch(machine, snap._replace(**of_snap_), SETTINGS)[0].beyond_ticks
 
 
 @pytest.mark.parametrize("name", RULES)
@@ -226,7 +226,7 @@ def test_a_retry_is_made_so_many_times_and_then_something_else_follows(name: str
     rule = RULES[name]
     machine, snap = healthy(Phase.LATCH_CHECK)
     for spent in range(rule.retries + 1):
-        tick = hop_machine.Tick(replace(machine, retries=spent), snap, SETTINGS)
+        tick = hop_machine.Tick(machine._replace(retries=spent), snap, SETTINGS)
         tick.fail(monitors.Fault(name))
         assert tick.machine.phase is (Phase.HOMING if spent < rule.retries else Phase.DE_TENSION)
 
