@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from hal.errors import HalError
 from sim_hal.plant.simulate import Plant, Simulator
@@ -47,10 +47,17 @@ class Hop:
         return since_s is not None and self._simulator.time_s - since_s >= self._rest.for_s
 
     def advance(self, to_s: float) -> None:
-        """Go on until `to_s` of the board. Raises `SimulationFault` when the robot never comes to rest."""
-        time_s = to_s - self.start_s
-        self._simulator.advance(time_s, {})
-        self.outputs = self._simulator.outputs()
+        """Go on until `to_s` of the board [s]. Raises `SimulationFault` when the robot never comes to rest."""
+        self.trace([to_s])
+
+    def trace(self, times_s: Sequence[float]) -> list[dict[str, float]]:
+        """As `advance` to the last of some increasing times of the board; the outputs at each."""
+        traced = self._simulator.trace([time_s - self.start_s for time_s in times_s])
+        self.outputs = traced[-1]
+        self._watch_for_rest(times_s[-1] - self.start_s)
+        return traced
+
+    def _watch_for_rest(self, time_s: float) -> None:
         states = self._simulator.state()
         slow = max(abs(states["v_b"]), abs(states["v_l"])) < self._rest.speed_m_s
         if not (slow and self.opened):

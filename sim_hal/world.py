@@ -154,7 +154,10 @@ class World:
         # sums of periods round either way: what is due now is looked at once
         due = {channel: [_reached(instant, to_s) for instant in wanted[channel]] for channel in moving}
         of_drive = {to_s}.union(due[NUT], due[CURRENT])
-        seen = {at_s: self._look(at_s, at_s in of_drive) for at_s in sorted({to_s}.union(*due.values()))}
+        if self._hop is not None and self._hop.opened:
+            seen = self._fly(self._hop, sorted({to_s}.union(*due.values())), of_drive)
+        else:
+            seen = {at_s: self._look(at_s, at_s in of_drive) for at_s in sorted({to_s}.union(*due.values()))}
         truth = {channel: [seen[at_s][channel] for at_s in times] for channel, times in due.items()}
         if ACCELERATION not in truth:
             truth[ACCELERATION] = [self._standing_m_s2] * len(wanted[ACCELERATION])
@@ -163,6 +166,24 @@ class World:
         self._end_hop_at_rest()
         self._close_latch_at_home()
         return truth
+
+    def _fly(self, hop: Hop, instants: list[float], of_drive: set[float]) -> dict[float, dict[str, float]]:
+        """As `_look` at all these instants, with the lock open: hop and drive have nothing to do with each other."""
+        magnet_rises = self.magnet_on and hop.start_s == self._coil.since_s
+        seen = {}
+        for at_s, outputs in zip(instants, hop.trace(instants), strict=True):
+            if at_s in of_drive and at_s > self._drive_s:
+                self._drive.advance(at_s - self._drive_s, self.voltage_v)
+                self._drive_s = at_s
+            seen[at_s] = {
+                NUT: self._drive.position_m - self._power_up_m,
+                CURRENT: self._drive.current_a,
+                SPRING: outputs[SPRING],
+                ACCELERATION: outputs[ACCELERATION],
+                MAGNET: outputs[MAGNET] if magnet_rises else self._coil.current_a(at_s),
+            }
+        self.now_s = instants[-1]
+        return seen
 
     def _look(self, at_s: float, at_drive: bool) -> dict[str, float]:
         """Let time pass until `at_s` and read all channels; a drive that holds no spring is read on demand."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from sim_hal.plant.engine import Schedule
 from sim_hal.plant.expressions import Name, Node
 from sim_hal.plant.plant import EffectUse, Parameter, Plant, Sensor
 from sim_hal.plant.plantfile import load_plant, read_plant, save_plant
+from sim_hal.plant.program import Floats
 from sim_hal.plant.run import Run, SimulationError
 from sim_hal.plant.structure import Balance, PlantError
 
@@ -76,10 +77,9 @@ class Simulator:
             if late.skew < 0.0 or late.delay_s < 0.0:
                 raise SimulationError(f"{plant.name}: {channel} is early: what is to come cannot be read")
         self._latest: dict[str, float] | None = None  # outputs at the present time
-        self._breaks, self._here = np.zeros(2), np.zeros(1)
+        self._breaks = np.zeros(2)
         self._held = np.zeros((2, len(self._inputs)))
-        plan = Schedule(self._breaks, self._held, np.zeros_like(self._held), self._events, self._here)
-        self._run = self._compiled.stepper(self._machine, plan)
+        self._runs: dict[int, tuple[Floats, Callable[[], Floats]]] = {}  # by number of samples
         self._history: list[tuple[float, dict[str, float]]] = []
         self._remember()
 
@@ -90,16 +90,40 @@ class Simulator:
 
     def advance(self, to_time_s: float, inputs: Mapping[str, float] | None = None) -> None:
         """Go on to a later time, the given inputs held; those not given keep their value."""
+        self._check(to_time_s)
+        self._take(inputs)
+        self._go_on(to_time_s)
+        self._remember()
+
+    def trace(
+        self, times_s: Sequence[float], inputs: Mapping[str, float] | None = None
+    ) -> list[dict[str, float]]:
+        """Go on to the last of some increasing times, (n,) s, inputs as in `advance`; what `outputs` says at each."""
+        if self._late or any(self.time_s < event < times_s[-1] for event in self._events.tolist()):
+            found = []
+            for time_s in times_s:
+                self.advance(time_s, inputs)
+                found.append(self.outputs())
+            return found
+        self._check(times_s[0])
+        self._take(inputs)
+        rows = self._sampled(times_s).tolist()
+        traced = [dict(zip(self._names, row, strict=True)) for row in rows]
+        self._latest = dict(traced[-1])
+        return traced
+
+    def _check(self, to_time_s: float) -> None:
         if not to_time_s >= self.time_s:
             raise SimulationError(f"cannot go back from t = {self.time_s} s to {to_time_s} s")
+
+    def _take(self, inputs: Mapping[str, float] | None) -> None:
+        """Hold these inputs from now on."""
         for name, value in (inputs or {}).items():
             if name not in self._places:
                 raise SimulationError(f"no input {name!r}; inputs: {', '.join(self._places) or 'none'}")
             if not math.isfinite(value):
                 raise SimulationError(f"input {name} = {value} is not finite")
             self._inputs[self._places[name]] = value
-        self._go_on(to_time_s)
-        self._remember()
 
     def outputs(self) -> dict[str, float]:
         """Outputs and definitions by name at the present time, SI."""
@@ -143,13 +167,22 @@ class Simulator:
         while True:
             inside = [event for event in self._events.tolist() if self.time_s < event < to_time_s]
             until = min(inside, default=to_time_s)
-            self._breaks[:] = self.time_s, until
-            self._here[0] = until
-            self._held[:] = self._inputs
-            self._room[engine.CLOCK, engine.STEPS] = 0.0
-            self._latest = self._named(self._run())
+            self._latest = dict(zip(self._names, self._sampled((until,))[0].tolist(), strict=True))
             if until == to_time_s:
                 break
+
+    def _sampled(self, times_s: Sequence[float]) -> Floats:
+        """Go on to the last of some times between which nothing happens from outside; outputs (n, n_outputs)."""
+        if len(times_s) not in self._runs:
+            here = np.zeros(len(times_s))
+            plan = Schedule(self._breaks, self._held, np.zeros_like(self._held), self._events, here)
+            self._runs[len(times_s)] = here, self._compiled.stepper(self._machine, plan)
+        here, run = self._runs[len(times_s)]
+        here[:] = times_s
+        self._breaks[:] = self.time_s, times_s[-1]
+        self._held[:] = self._inputs
+        self._room[engine.CLOCK, engine.STEPS] = 0.0
+        return run()
 
     def _now(self) -> dict[str, float]:
         """Outputs at the present time, computed once."""
@@ -157,9 +190,6 @@ class Simulator:
             self._go_on(self.time_s)
         assert self._latest is not None
         return self._latest
-
-    def _named(self, outputs: np.ndarray) -> dict[str, float]:
-        return dict(zip(self._names, outputs[0].tolist(), strict=True))
 
     def _remember(self) -> None:
         """Keep late channels' values, no longer than they are late."""
