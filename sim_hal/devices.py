@@ -17,7 +17,7 @@ from hal.readings import (
     Switches,
 )
 from sim_hal.rig import Rig
-from sim_hal.sensors import Sample, SampledSensor
+from sim_hal.sensors import Batch, Sample, SampledSensor
 
 
 class SimDevice:
@@ -155,15 +155,9 @@ class _Streamed(SimDevice):
     def _sensor(self) -> SampledSensor:
         return self._rig.sensors[self._name]
 
-    def _drain(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[bool, ...], bool]:
+    def _drain(self) -> Batch:
         self._require_reading()
-        batch, overrun = self._sensor.drain()
-        return (
-            tuple(sample.time_s for sample in batch),
-            tuple(sample.value for sample in batch),
-            tuple(sample.saturated for sample in batch),
-            overrun,
-        )
+        return self._sensor.drain()
 
 
 class SimSpringSensor(_Streamed):

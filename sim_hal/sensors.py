@@ -8,7 +8,6 @@ instants: neither reading one sensor nor how the waiting is cut into pieces chan
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -21,6 +20,8 @@ from sim_hal.settings import Mode, SensorSettings
 GRID_TOLERANCE_S = 1e-9
 """A sample instant this little after `now` counts as reached: sums of tick periods round either way."""
 
+_AHEAD = 256  # draws of noise made at once
+
 
 class Sample(NamedTuple):
     """One delivered value."""
@@ -28,6 +29,15 @@ class Sample(NamedTuple):
     time_s: float
     value: float
     saturated: bool
+
+
+class Batch(NamedTuple):
+    """Samples as a FIFO delivers them, oldest first; `overrun`: older ones were lost before them."""
+
+    times_s: tuple[float, ...]
+    values: tuple[float, ...]
+    saturated: tuple[bool, ...]
+    overrun: bool
 
 
 def _broken(value: float, noise: float, fault: Fault, latest: Sample | None) -> float:
@@ -43,11 +53,13 @@ def _broken(value: float, noise: float, fault: Fault, latest: Sample | None) -> 
     return value
 
 
-def _digital(value: float, step: float, low: float, high: float) -> float:
+def _digital(values: Sequence[float], step: float, low: float, high: float) -> list[float]:
     """Rounded to the step, then limited to the range."""
     if step > 0.0:
-        value = round(value / step) * step
-    return low if value < low else high if value > high else value
+        values = [round(value / step) * step for value in values]
+    if min(values) < low or max(values) > high:
+        return [low if value < low else high if value > high else value for value in values]
+    return list(values)
 
 
 class SampledSensor:
@@ -58,11 +70,14 @@ class SampledSensor:
         self.step = settings.step
         self._modes = settings.modes
         self._random = np.random.Generator(np.random.PCG64(seed))
-        self._fifo: deque[Sample] = deque(maxlen=settings.depth)
+        self._depth = settings.depth
+        self._fifo: tuple[list[float], list[float], list[bool]] = [], [], []
         self._latest: Sample | None = None
         self._overrun = False
         self._mode = settings.modes[0]
         self._count = 0
+        self._noise: list[float] = []
+        self._used = 0
 
     @property
     def modes(self) -> tuple[Mode, ...]:
@@ -90,10 +105,16 @@ class SampledSensor:
 
     def due(self, now_s: float) -> list[float]:
         """Take the sample instants reached by `now_s` [s]; each is handed out once, oldest first."""
-        instants: list[float] = []
-        while (instant := self._count / self._mode.rate_hz) <= now_s + GRID_TOLERANCE_S:
-            instants.append(min(instant, now_s))
-            self._count += 1
+        rate_hz, latest_s = self._mode.rate_hz, now_s + GRID_TOLERANCE_S
+        end = math.floor(latest_s * rate_hz)  # give or take one, by rounding
+        while end / rate_hz <= latest_s:
+            end += 1
+        while end > self._count and (end - 1) / rate_hz > latest_s:
+            end -= 1
+        instants = [count / rate_hz for count in range(self._count, end)]
+        self._count = max(self._count, end)
+        if instants and instants[-1] > now_s - GRID_TOLERANCE_S:
+            instants[-1] = now_s  # the same but for rounding: what is due now is looked at once
         return instants
 
     def record(self, instants: Sequence[float], truth: Sequence[float], fault: Fault | None = None) -> bool:
@@ -103,34 +124,52 @@ class SampledSensor:
         """
         if not instants:
             return False
-        mode, stuck_at, differs = self._mode, self._latest, False
+        mode = self._mode
         # the noise is drawn even by a broken sensor, so that a fault leaves all later samples as they were
-        drawn = self._random.standard_normal(len(instants)).tolist()
-        if fault is not None and fault.kind in ("silent", "fail"):
-            return True
-        # plain numbers: most batches are of one sample, for which arrays take several times as long
-        step, noise_std, low, high = self.step, mode.noise_std, mode.low, mode.high
-        for time_s, true, noise in zip(instants, truth, drawn, strict=True):
-            measured = true + noise_std * noise
-            shown = _digital(measured, step, low, high)
-            if fault is not None:
-                healthy = shown
-                shown = _digital(_broken(measured, noise, fault, stuck_at), step, low, high)
-                differs = differs or shown != healthy
-            self._append(Sample(time_s, shown, not low < shown < high))
+        drawn = self._drawn(len(instants))
+        # plain numbers: most batches are of a few samples, for which arrays take longer
+        noise_std, step, low, high = mode.noise_std, self.step, mode.low, mode.high
+        measured = [true + noise_std * noise for true, noise in zip(truth, drawn, strict=True)]
+        shown = _digital(measured, step, low, high)
+        differs = False
+        if fault is not None:
+            if fault.kind in ("silent", "fail"):
+                return True
+            broken = [_broken(*each, fault, self._latest) for each in zip(measured, drawn, strict=True)]
+            healthy, shown = shown, _digital(broken, step, low, high)
+            differs = shown != healthy
+        self._keep(instants, shown, [not low < value < high for value in shown])
         return differs
 
-    def _append(self, sample: Sample) -> None:
-        self._overrun = self._overrun or len(self._fifo) == self._fifo.maxlen
-        self._fifo.append(sample)
-        self._latest = sample
+    def _drawn(self, count: int) -> list[float]:
+        """White noise of sigma 1, drawn ahead: the sequence is that of single draws."""
+        start, self._used = self._used, self._used + count
+        if self._used > len(self._noise):
+            self._noise = self._noise[start:] + self._random.standard_normal(_AHEAD + count).tolist()
+            start, self._used = 0, count
+        return self._noise[start : self._used]
 
-    def drain(self) -> tuple[tuple[Sample, ...], bool]:
+    def _keep(self, times_s: Sequence[float], shown: list[float], saturated: list[bool]) -> None:
+        """To the FIFO, which loses its oldest samples when it is full."""
+        times, values, flags = self._fifo
+        times += times_s
+        values += shown
+        flags += saturated
+        lost = len(times) - self._depth
+        if lost > 0:
+            self._overrun = True
+            for kept in self._fifo:
+                del kept[:lost]
+        self._latest = Sample(times_s[-1], shown[-1], saturated[-1])
+
+    def drain(self) -> Batch:
         """All samples since the last call, and whether older ones were lost before them."""
-        batch, overrun = tuple(self._fifo), self._overrun
-        self._fifo.clear()
+        times_s, values, saturated = self._fifo
+        batch = Batch(tuple(times_s), tuple(values), tuple(saturated), self._overrun)
+        for kept in self._fifo:
+            kept.clear()
         self._overrun = False
-        return batch, overrun
+        return batch
 
     def latest(self) -> Sample:
         """The newest sample, however old. Raises `ReadFailed` when there was none yet."""

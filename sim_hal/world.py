@@ -16,7 +16,6 @@ from sim_hal.drive import TensioningDrive
 from sim_hal.hop import Hop, standing_reading_m_s2
 from sim_hal.plant.plantfile import plant_document, read_plant
 from sim_hal.plant.simulate import Plant
-from sim_hal.sensors import GRID_TOLERANCE_S
 from sim_hal.settings import SimSettings, Spot
 from sim_hal.truth import HopTruth, hop_truth
 
@@ -27,6 +26,8 @@ NUT, CURRENT, SPRING, ACCELERATION, MAGNET = (
     "body_acceleration_m_s2",
     "magnet_current_a",
 )
+
+_OF_DRIVE = (NUT, CURRENT, SPRING)
 
 
 class World:
@@ -150,15 +151,14 @@ class World:
 
         Instants lie between the last advance and `to_s`, oldest first.
         """
-        moving = set(wanted) if self._hop is not None else {NUT, CURRENT, SPRING}
-        # sums of periods round either way: what is due now is looked at once
-        due = {channel: [_reached(instant, to_s) for instant in wanted[channel]] for channel in moving}
-        of_drive = {to_s}.union(due[NUT], due[CURRENT])
+        moving = wanted if self._hop is not None else _OF_DRIVE
+        of_drive = {to_s, *wanted[NUT], *wanted[CURRENT]}
+        instants = sorted(of_drive.union(*[wanted[channel] for channel in moving]))
         if self._hop is not None and self._hop.opened:
-            seen = self._fly(self._hop, sorted({to_s}.union(*due.values())), of_drive)
+            seen = self._fly(self._hop, instants, of_drive)
         else:
-            seen = {at_s: self._look(at_s, at_s in of_drive) for at_s in sorted({to_s}.union(*due.values()))}
-        truth = {channel: [seen[at_s][channel] for at_s in times] for channel, times in due.items()}
+            seen = {at_s: self._look(at_s, at_s in of_drive) for at_s in instants}
+        truth = {channel: [seen[at_s][channel] for at_s in wanted[channel]] for channel in moving}
         if ACCELERATION not in truth:
             truth[ACCELERATION] = [self._standing_m_s2] * len(wanted[ACCELERATION])
         if MAGNET not in truth:
@@ -234,11 +234,6 @@ class World:
             self._drive.hold_string()
 
 
-def _reached(instant_s: float, now_s: float) -> float:
-    """The instant, or now where that is the same but for rounding."""
-    return now_s if instant_s > now_s - GRID_TOLERANCE_S else instant_s
-
-
 def plant_at(plant: Plant, spot: Spot) -> Plant:
     """The hop's plant on a spot, checked as its file would be. Raises `PlantError` naming the parameter."""
     return read_plant(plant_document(plant.with_values(spot.values)), plant.source) if spot.values else plant
@@ -264,5 +259,7 @@ class Coil:
 
     def current_a(self, at_s: float) -> float:
         """Current at a time after the last switching."""
+        if self._start_a == self._goal_a:
+            return self._goal_a
         left = math.exp(-(at_s - self.since_s) / self._time_constant_s)
         return self._goal_a + (self._start_a - self._goal_a) * left

@@ -122,7 +122,8 @@ class Signal:
 
     def receive(self) -> None:
         """Take over what the sensor sampled."""
-        self._pending.extend(self._sensor.drain()[0])
+        times_s, values, saturated, _ = self._sensor.drain()
+        self._pending.extend(map(Sample, times_s, values, saturated))
 
     def take(self) -> list[Sample]:
         """Samples up to now that were not taken yet, oldest first."""

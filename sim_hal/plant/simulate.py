@@ -71,6 +71,7 @@ class Simulator:
         )
         self._machine = self._compiled.machine(self._compiled.values, run, initial)
         self._room = self._machine.starts[0]
+        self._time_s = start_s
         self._names = self._compiled.output_names
         self._late = self._compiled.lateness(self._compiled.values, run)
         for channel, late in self._late.items():
@@ -86,7 +87,7 @@ class Simulator:
     @property
     def time_s(self) -> float:
         """Simulated time."""
-        return float(self._room[engine.CLOCK, engine.TIME])
+        return self._time_s
 
     def advance(self, to_time_s: float, inputs: Mapping[str, float] | None = None) -> None:
         """Go on to a later time, the given inputs held; those not given keep their value."""
@@ -99,7 +100,7 @@ class Simulator:
         self, times_s: Sequence[float], inputs: Mapping[str, float] | None = None
     ) -> list[dict[str, float]]:
         """Go on to the last of some increasing times, (n,) s, inputs as in `advance`; what `outputs` says at each."""
-        if self._late or any(self.time_s < event < times_s[-1] for event in self._events.tolist()):
+        if self._late or self._inside(times_s[-1]):
             found = []
             for time_s in times_s:
                 self.advance(time_s, inputs)
@@ -165,8 +166,7 @@ class Simulator:
     def _go_on(self, to_time_s: float) -> None:
         """Go on to a later time, from event to event, or stay; notes the outputs there."""
         while True:
-            inside = [event for event in self._events.tolist() if self.time_s < event < to_time_s]
-            until = min(inside, default=to_time_s)
+            until = min(self._inside(to_time_s), default=to_time_s)
             self._latest = dict(zip(self._names, self._sampled((until,))[0].tolist(), strict=True))
             if until == to_time_s:
                 break
@@ -179,10 +179,17 @@ class Simulator:
             self._runs[len(times_s)] = here, self._compiled.stepper(self._machine, plan)
         here, run = self._runs[len(times_s)]
         here[:] = times_s
-        self._breaks[:] = self.time_s, times_s[-1]
+        self._breaks[:] = self._time_s, times_s[-1]
         self._held[:] = self._inputs
         self._room[engine.CLOCK, engine.STEPS] = 0.0
-        return run()
+        outputs = run()
+        self._time_s = times_s[-1]
+        return outputs
+
+    def _inside(self, to_time_s: float) -> list[float]:
+        """The events between now and then, both left out."""
+        now_s = self._time_s
+        return [event for event in self._events.tolist() if now_s < event < to_time_s]
 
     def _now(self) -> dict[str, float]:
         """Outputs at the present time, computed once."""

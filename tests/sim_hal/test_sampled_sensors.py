@@ -27,7 +27,7 @@ def run(
     for end_s in ends_s:
         instants = probe.due(end_s)
         probe.record(instants, [truth] * len(instants), fault)
-    return [sample.value for sample in probe.drain()[0]]
+    return list(probe.drain().values)
 
 
 def test_noise_has_the_stated_sigma_and_no_memory() -> None:
@@ -51,7 +51,7 @@ def test_rounding_follows_the_noise_and_the_range_comes_last() -> None:
 def test_saturation_is_flagged_at_the_end_of_the_range() -> None:
     probe = sensor(high=1.0)
     probe.record([0.0, 0.1, 0.2], [0.5, 3.0, -3.0])
-    assert [sample.saturated for sample in probe.drain()[0]] == [False, True, True]
+    assert probe.drain().saturated == (False, True, True)
 
 
 @given(st.lists(st.floats(0.0, 0.2), min_size=1, max_size=20))
@@ -95,22 +95,20 @@ def test_a_full_fifo_loses_the_oldest_and_says_so() -> None:
     probe = sensor(depth=4)
     instants = probe.due(0.03)
     probe.record(instants, list(range(len(instants))))
-    batch, overrun = probe.drain()
-    assert [sample.value for sample in batch] == [3.0, 4.0, 5.0, 6.0]
-    assert overrun
+    batch = probe.drain()
+    assert batch.values == (3.0, 4.0, 5.0, 6.0)
+    assert batch.overrun
     probe.record([0.035], [7.0])
-    assert not probe.drain()[1]
+    assert not probe.drain().overrun
 
 
 def test_stuck_sensor_repeats_its_last_value_with_new_times() -> None:
     probe = sensor()
     probe.record([0.0], [1.0])
     probe.record([0.005, 0.010], [2.0, 3.0], Fault("spring", "stick", 0.0))
-    assert [(sample.time_s, sample.value) for sample in probe.drain()[0]] == [
-        (0.0, 1.0),
-        (0.005, 1.0),
-        (0.010, 1.0),
-    ]
+    batch = probe.drain()
+    assert batch.times_s == (0.0, 0.005, 0.010)
+    assert batch.values == (1.0, 1.0, 1.0)
 
 
 def test_silent_sensor_keeps_its_old_time() -> None:
