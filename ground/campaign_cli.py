@@ -35,7 +35,7 @@ def faults(
     json_file: Annotated[Path | None, typer.Option("--json", help="File for the figures.")] = None,
 ) -> None:
     """Plant random faults in whole missions, and count what was dangerous, by the plant's truth."""
-    with console.clear_errors():
+    with console.clear_errors(stopped=f"what was flown is kept in {out}; the same command goes on there"):
         settings = load_campaign()
         with console.steps(total=float(count)) as show:
             result = run_campaign(settings, count, seed, out, processes or os.cpu_count() or 1, show)

@@ -27,24 +27,33 @@ USER_ERRORS = (HalError, RecordingError, DiagnosisError, SimulationError, OSErro
 
 
 @contextmanager
-def clear_errors() -> Iterator[None]:
-    """Show an expected error as one message and leave with exit code 2."""
+def clear_errors(stopped: str = "nothing was written") -> Iterator[None]:
+    """Show an expected error as one message and leave with exit code 2.
+
+    `stopped` says what is left when the command is stopped by Ctrl-C, unless the interrupt itself says so.
+    """
     try:
         yield
     except USER_ERRORS as error:
         err.print("[bold red]error:[/] ", end="")
         err.print(error_text(error), markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(2) from error
-    except KeyboardInterrupt:
-        err.print("stopped; nothing was written")
+    except KeyboardInterrupt as interrupt:
+        left = "; ".join(_notes(interrupt)) or stopped
+        err.print(f"stopped; {left}", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(130) from None
 
 
 def error_text(error: BaseException) -> str:
     """What went wrong, in words; the system's own errors name their file first, like all others."""
+    text = str(error)
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        return f"{error.filename}: {error.strerror}"
-    return str(error)
+        text = f"{error.filename}: {error.strerror}"
+    return "\n".join((text, *_notes(error)))
+
+
+def _notes(error: BaseException) -> list[str]:
+    return list(getattr(error, "__notes__", ()))
 
 
 @contextmanager

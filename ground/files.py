@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from hal.config import config_path, config_root
@@ -40,13 +40,16 @@ def whole_folder(path: Path, marker: str) -> Iterator[Path]:
 
     A folder that stands there already is replaced if it is empty or holds the file `marker`, so an earlier
     result of the same kind. Raises `ConfigError` when it holds anything else, or the place cannot be written.
+    Folders above it that were made for it go again when the block fails.
     """
     if path.exists() and not (path.is_dir() and (not any(path.iterdir()) or (path / marker).is_file())):
         raise ConfigError(f"{path}: holds something else than an earlier result; choose another folder")
+    absent = [folder for folder in path.parents if not folder.exists()]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         work = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
     except OSError as error:
+        _remove_empty(absent)
         raise ConfigError(f"{path}: cannot be written ({error.strerror})") from error
     try:
         yield work
@@ -54,7 +57,15 @@ def whole_folder(path: Path, marker: str) -> Iterator[Path]:
         _take_name(work, path)
     except BaseException:
         shutil.rmtree(work, ignore_errors=True)
+        _remove_empty(absent)
         raise
+
+
+def _remove_empty(folders: Iterable[Path]) -> None:
+    """Remove those of the folders, the deepest first, that are there and hold nothing."""
+    for folder in folders:
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def _take_name(work: Path, path: Path) -> None:

@@ -1,7 +1,8 @@
 """Flying a mission from the ground's side: open the board, fly, and put all that came of it on file.
 
 The folder of a mission holds `flight.mcap` (all readings, commands and decisions), a recording of the drive and
-one of the hop for each hop, `mission.json` and `report.html`. It appears whole or not at all.
+one of the hop for each hop, `mission.json` and `report.html`. It appears whole or not at all; of a flight that was
+stopped the log alone is kept, beside it.
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ from flight.executive import Watcher, fly
 from flight.log import McapLog
 from flight.mission import HopPlan, MissionPlan, MissionResult
 from flight.settings import FlightSettings
+from flight.surface.known import load_surfaces
 from ground.files import whole_folder, write_atomic
 from ground.mission_places import Terrain, first_spot, place_of
 from ground.mission_summary import HopOutcome, MissionRun, hop_rows, mission_content
 from ground.recordings import RecordingError
 from ground.recordings.from_log import HopRecordings, write_hop_recordings
 from ground.report.mission_page import write_mission_page
+from ground.stopping import StoppableClock, log_kept
 from hal.board import Board, open_board
 from hal.config import config_path, config_root, read_yaml
 from hal.errors import ConfigError
@@ -85,11 +88,11 @@ def run_mission(
     `config/boards/sim.yaml`), mappings key by key; `seed` is short for the seed there. `watch` is called once
     a tick. `ground_memory` is a file that keeps what is learned of the ground from mission to mission.
 
-    Raises `ConfigError` or `BoardUnavailable` before anything moves; when the flight itself is
-    interrupted, nothing is left in `folder`.
+    Raises `ConfigError` or `BoardUnavailable` before anything moves. When it is stopped (Ctrl-C) or fails
+    later, nothing is left in `folder`, and the log is kept in `FOLDER.stopped`, as the error's notes say.
     """
     settings_path = settings_path or config_path("flight.yaml")
-    settings = flight_settings.load(settings_path)
+    settings, surfaces = flight_settings.load(settings_path), load_surfaces()
     board_settings = _board_settings(board, plan, settings, changes or {})
     if seed is not None:
         board_settings["seed"] = seed
@@ -101,15 +104,19 @@ def run_mission(
         "mission": yaml.safe_dump(asdict(plan), sort_keys=False),
         "board_settings": yaml.safe_dump(board_settings, sort_keys=False),
     }
-    with whole_folder(folder, SUMMARY_NAME) as work:
+    limits = None if board in SIMULATED_BOARDS else settings.log  # only on board is memory short
+    with whole_folder(folder, SUMMARY_NAME) as work, log_kept(work / LOG_NAME, folder):
         with (
             open_board(board, board_settings) as opened,
-            McapLog(work / LOG_NAME, metadata, settings.log) as log,
+            McapLog(work / LOG_NAME, metadata, limits) as log,
         ):
             sink: LogSink = log
             if plan.goals and board in SIMULATED_BOARDS:
                 sink = Terrain(log, world_of(opened), plan, settings.rig.foot, board_settings.get("seed", 0))
-            result = fly(tap_board(_remembering(opened, ground_memory), sink), settings, plan, sink, watch)
+            clock = StoppableClock(opened.clock)
+            flown = tap_board(replace(_remembering(opened, ground_memory), clock=clock), sink)
+            with clock.listening():
+                result = fly(flown, settings, plan, sink, watch, surfaces=surfaces)
         found, notes = _recordings(work, folder)
         hops = _outcomes(result, _truths(opened), found)
         run = MissionRun(folder, board, board_settings.get("seed"), settings, result, hops, notes)

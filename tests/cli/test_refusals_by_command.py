@@ -186,6 +186,12 @@ def test_a_mission_that_cannot_be_flown(desk: Path, command: tuple[str, ...], sa
     assert says in refused(*command, "--out", "out")
 
 
+def test_a_refused_mission_leaves_no_folder_on_the_way_to_its_own(desk: Path) -> None:
+    before = sorted(desk.rglob("*"))
+    refused("run", "--board", "raspberry_pi", "--out", Path("out") / "of" / "today")
+    assert sorted(desk.rglob("*")) == before
+
+
 def test_a_folder_of_other_things_is_not_overwritten(desk: Path) -> None:
     before = sorted(desk.iterdir())
     assert "holds something else than an earlier result" in refused("run", "--hops", "1", "--out", desk)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 from pathlib import Path
 
 import pytest
 from conftest import SHORT
-from hopper_command import done, hopper
+from hopper_command import done, hopper, refused
 
+from flight.executive import Progress
 from flight.log import McapLog, read_log
 from ground import console
 from ground.mission_summary import HOP_LINE_HEADERS
@@ -82,3 +85,27 @@ def test_an_altered_reading_makes_the_replay_differ(flown: Path, tmp_path: Path)
     assert result.exit_code == 1
     assert "first difference: message" in result.stderr
     assert "the same" not in result.stdout
+
+
+def test_a_log_of_nothing_cannot_be_replayed(flown: Path, tmp_path: Path) -> None:
+    """A replay that compared nothing has shown nothing."""
+    with McapLog(tmp_path / "empty.mcap", read_log(flown / "flight.mcap").metadata):
+        pass
+    assert refused("replay", tmp_path / "empty.mcap").endswith(
+        "empty.mcap: holds no messages, so there is nothing to compare"
+    )
+    (tmp_path / "hollow.mcap").touch()
+    assert "hollow.mcap" in refused("replay", tmp_path / "hollow.mcap")
+
+
+def test_ctrl_c_names_the_log_that_it_keeps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(progress: Progress) -> None:
+        if progress.time_s > 0.3:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr("ground.cli.mission_watcher", lambda *_: stop)
+    result = hopper(*SHORT, "--out", tmp_path / "out")
+    assert result.exit_code == 130
+    log = tmp_path / "out.stopped" / "flight.mcap"
+    assert f"stopped; the log of the flight is kept: {log}" in result.stderr
+    assert done("replay", log).endswith("the replay is the same, bit for bit\n")

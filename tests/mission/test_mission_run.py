@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import signal
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -16,6 +19,7 @@ from flight.settings import FlightSettings
 from ground.mission_run import hop_rows, plan_mission, run_mission
 from ground.mission_summary import HOP_HEADERS, MissionRun, comparisons, plus_minus, verdict_sentence
 from ground.recordings import load_recording
+from ground.replay import replay_log
 from hal.errors import BoardUnavailable, ConfigError
 
 ENERGY_J = 6.0  # little, so that tensioning is short
@@ -130,14 +134,58 @@ def test_one_seed_flies_the_same_mission_to_the_bit(
         assert (again.folder / name).read_bytes() == (flown.folder / name).read_bytes(), name
 
 
-def test_an_interrupted_mission_leaves_nothing(settings: FlightSettings, tmp_path: Path) -> None:
-    def interrupt(progress: Progress) -> None:
-        if progress.time_s > 0.5:
-            raise KeyboardInterrupt
+def test_a_mission_stopped_by_hand_keeps_its_log_which_replays_to_there(
+    settings: FlightSettings, tmp_path: Path
+) -> None:
+    """Ctrl-C comes at some instant of a tick; the flight ends with that tick, and twice so in two folders."""
 
-    with pytest.raises(KeyboardInterrupt):
-        run_mission(plan_mission("syar", 1, ENERGY_J, settings), tmp_path / "deep" / "out", watch=interrupt)
-    assert not list((tmp_path / "deep").iterdir())
+    def stop(progress: Progress) -> None:
+        if progress.time_s > 0.5:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    folder = tmp_path / "deep" / "out"
+    before = signal.getsignal(signal.SIGINT)
+    for name in ("out.stopped", "out.stopped-2"):
+        with pytest.raises(KeyboardInterrupt) as stopped:
+            run_mission(plan_mission("syar", 1, ENERGY_J, settings), folder, watch=stop)
+        log = folder.with_name(name) / "flight.mcap"
+        assert stopped.value.__notes__ == [f"the log of the flight is kept: {log}"]
+        assert [path.name for path in log.parent.iterdir()] == [log.name]
+        replayed = replay_log(log)
+        assert replayed.same
+        assert replayed.compared > 500
+        assert log_ends_with_outputs_off(log)
+    assert signal.getsignal(signal.SIGINT) is before
+    assert {path.name for path in folder.parent.iterdir()} == {"out.stopped", "out.stopped-2"}
+
+
+def log_ends_with_outputs_off(log: Path) -> bool:
+    messages = read_log(log).messages
+    last = {m.topic: m.payload for m in messages if m.payload.get("method") != "close"}
+    return last["magnet"]["method"] == "switch_off" and last["motor"]["arguments"] == {"voltage_v": 0.0}
+
+
+def test_a_failure_after_the_flight_keeps_its_log(
+    settings: FlightSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "report.html")
+
+    monkeypatch.setattr("ground.mission_run.write_mission_page", full)
+    plan = plan_mission("quartz_sand", 1, 1.0, settings, references=0)
+    with pytest.raises(OSError, match="No space left") as failed:
+        run_mission(plan, tmp_path / "out")
+    log = tmp_path / "out.stopped" / "flight.mcap"
+    assert failed.value.__notes__ == [f"the log of the flight is kept: {log}"]
+    assert read_log(log).messages[-1].topic
+    assert [path.name for path in tmp_path.iterdir()] == ["out.stopped"]
+
+
+def test_a_mission_refused_before_it_flies_leaves_no_folder(settings: FlightSettings, tmp_path: Path) -> None:
+    plan = plan_mission("syar", 1, ENERGY_J, settings)
+    with pytest.raises(BoardUnavailable):
+        run_mission(plan, tmp_path / "a" / "b" / "out", board="raspberry_pi")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_mission_that_fails_is_on_file_with_its_reason(settings: FlightSettings, tmp_path: Path) -> None:

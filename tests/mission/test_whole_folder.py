@@ -42,6 +42,15 @@ def test_a_failure_keeps_the_earlier_result(tmp_path: Path, error: type[BaseExce
     assert (tmp_path / "out" / "done.txt").read_text(encoding="utf-8") == "old"
 
 
+@pytest.mark.parametrize("there", [(), ("a",), ("a", "b")])
+def test_a_failure_leaves_no_folder_that_was_made_for_it(tmp_path: Path, there: tuple[str, ...]) -> None:
+    """Folders that stood before stay, also empty ones."""
+    tmp_path.joinpath(*there).mkdir(exist_ok=True, parents=True)
+    with pytest.raises(RuntimeError), whole_folder(tmp_path / "a" / "b" / "out", "done.txt"):
+        raise RuntimeError
+    assert {path.name for path in tmp_path.rglob("*")} == set(there)
+
+
 @pytest.mark.parametrize("kind", ["file", "foreign folder"])
 def test_what_is_not_ours_is_refused(tmp_path: Path, kind: str) -> None:
     target = tmp_path / "out"
