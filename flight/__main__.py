@@ -20,7 +20,7 @@ from flight.mission import MissionResult, load_mission
 from hal.board import Board, board_names, open_board
 from hal.config import config_path, load_settings, read_yaml
 from hal.errors import BoardUnavailable, ConfigError, HalError
-from hal.link.keys import load_key
+from hal.link.keys import Key, load_key
 from hal.link.messages import SESSION_BYTES
 from hal.link.robot import LinkSettings, RobotLink
 from hal.link.streams import SerialLine
@@ -73,6 +73,7 @@ def _fly(options: argparse.Namespace) -> MissionResult:
         raise BoardUnavailable(
             f"no board is called {options.board!r}; known here: {', '.join(board_names())}"
         )
+    key = load_key(options.link_key) if options.link_key else None
     settings = flight_settings.load(options.settings)
     mission = load_mission(options.mission, settings)
     where = options.board_settings or config_path("boards", f"{options.board}.yaml")
@@ -89,23 +90,24 @@ def _fly(options: argparse.Namespace) -> MissionResult:
         BackgroundLog(McapLog(options.log, metadata, settings.log), settings.log.waiting_messages) as log,
     ):
         _quieten_collector()
-        result = fly(tap_board(_fitted(opened, options), log), settings, mission, log, stay_s=options.stay_s)
+        result = fly(
+            tap_board(_fitted(opened, options, key), log), settings, mission, log, stay_s=options.stay_s
+        )
 
     if log.problem:
         print(f"flight: the log is not whole: {log.problem}", file=sys.stderr)
     return result
 
 
-def _fitted(board: Board, options: argparse.Namespace) -> Board:
+def _fitted(board: Board, options: argparse.Namespace, key: Key | None) -> Board:
     """The board with the memory and the link that were asked for."""
     if options.memory:
         board = replace(board, memory=FileMemory(options.memory))
     if options.ground_memory:
         board = replace(board, ground_memory=FileMemory(options.ground_memory))
-    if options.link:
+    if key is not None:
         bounds = load_settings(config_path("link.yaml"), LinkSettings)
         line, session = SerialLine(options.link, bounds.baud), secrets.token_bytes(SESSION_BYTES)
-        key = load_key(options.link_key)
         board = replace(board, ground_link=RobotLink(line, key, session, board.clock, bounds))
     return board
 

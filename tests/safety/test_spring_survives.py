@@ -21,6 +21,7 @@ from ground.replay import replay_log
 from hal.board import open_board
 from hal.config import config_path, read_yaml
 from hal.errors import DeviceError
+from hal.link.keys import make_key
 from hal.log import MemoryLog
 from hal.memory import FileMemory, VolatileMemory
 from sim_hal.board import SimBoard
@@ -52,6 +53,22 @@ def test_a_flight_leaves_the_spring_s_record_and_a_log_that_replays_with_its_wai
     result = replay_log(log)
     assert result.same
     assert result.compared > 10000
+
+
+def test_a_key_that_others_may_read_is_refused_before_anything_is_opened(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mission, key, log = tmp_path / "m.yaml", tmp_path / "link.key", tmp_path / "flight.mcap"
+    mission.write_text("name: m\nhops:\n  - {energy_j: 0.6, surface: steel}\n", encoding="utf-8")
+    make_key(key)
+    key.chmod(0o640)
+    command = ["--board", "sim", "--mission", mission, "--log", log, "--link", "/dev/null", "--link-key", key]
+    assert on_board.main([str(part) for part in command]) == 2
+    said = capsys.readouterr().err
+    assert f"flight: {key}: " in said
+    assert "permissions 0640" in said
+    assert key.read_text(encoding="ascii").strip() not in said
+    assert not log.exists()
 
 
 def test_the_record_says_loaded_before_anything_is_stored_and_armed_before_the_magnet_is_on() -> None:
