@@ -210,6 +210,8 @@ class MissionPilot:
                 c3 = energy.c3_surface(seen.potential_j, seen.analysis_j, c2_ref)
         stance = stance_of(record, seen, self.settings)
         belief = self._believe(plan, c3, seen, stance, source, sought)
+        # Reports are kept to the mission's end; a fit holds the hop's samples, which are not.
+        seen = replace(seen, flight=replace(seen.flight, fit=None))
         report = HopReport(
             index, plan, record.fire_s, seen, c1, c2_ref, source, c2_measured, c3, belief, stance
         )
