@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from flight import settings as flight_settings
-from ground.state_space import explore
+from ground.state_space.explore import explore
 
 
 def tell(done: int, waiting: int) -> None:

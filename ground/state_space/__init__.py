@@ -1,0 +1,1 @@
+"""The state machine with its interlocks, explored exhaustively."""
