@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 from flight.settings import FlightSettings
@@ -96,8 +96,7 @@ def concrete(state: Machine, choice: World, settings: FlightSettings) -> tuple[M
     rest, upset = settings.rig.static_reading_m_s2, choice.disturbance
     taut_m = None if state.taut_m is None else 0.001
     since_s = NOW_S - choice.age_s
-    machine = replace(
-        state,
+    machine = state._replace(
         since_s=since_s,
         home_m=None if state.home_m is None else 0.0,
         taut_m=taut_m,
