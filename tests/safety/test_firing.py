@@ -13,8 +13,6 @@ from functools import cache
 
 import hypothesis.strategies as st
 import pytest
-from ground.state_space.choices import Alphabet
-from ground.state_space.explore import explore
 from hypothesis import Phase as HypothesisPhase
 from hypothesis import settings as hypothesis_settings
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule, run_state_machine_as_test
@@ -22,6 +20,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule, run_stat
 from flight import commands, hop_machine
 from flight import settings as flight_settings
 from flight.states import SENSORS, Machine, Phase, Snapshot
+from ground.state_space.choices import Alphabet
+from ground.state_space.explore import explore
 from hal.dictionary import dictionary
 from hal.readings import GroundCommand
 
