@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,6 +21,7 @@ from flight.spring_record import SpringKeeper
 from flight.states import Event, Machine, Outputs, Phase, Snapshot
 from flight.surface.keeper import GroundKeeper
 from flight.surface.known import SurfaceSettings, load_surfaces
+from flight.telemetry import Telemetry
 from flight.tensioning import energy_used_j
 from hal.board import Board
 from hal.errors import DeviceError
@@ -101,7 +102,7 @@ class _Executive:
     _hop_rate: bool | None = None
     _magnet_on: bool | None = False  # None: it did not take its newest command
     _now_s: float = 0.0
-    _told_s: float | None = None
+    _telemetry: Telemetry = field(default_factory=Telemetry)
 
     def __post_init__(self) -> None:
         self._senses = Senses(self.board, self.recorder)
@@ -121,6 +122,7 @@ class _Executive:
         late_s = now_s - (self._due_s or now_s)
         heard = self.board.ground_link.receive()
         snap, events = self._snapshot(now_s, late_s, ground_heard=bool(heard))
+        self._telemetry.take(snap)
         if late_s > self.settings.tick.overrun_share * self.settings.tick.period_s:
             events.append(Event("tick_late", {"late_s": late_s}))
         commands = self._take_parameters(heard, events) + self.pilot.commands(self.machine, now_s)
@@ -130,7 +132,7 @@ class _Executive:
         unkept = self._spring.keep(self.machine)  # on record first, then done
         events += [unkept] if unkept else []
         self._apply(answer.outputs._replace(magnet_on=False) if self._spring.failed else answer.outputs)
-        self._tell(before, (*events, *answer.events), answer.outputs)
+        self._tell(before, snap, (*events, *answer.events), answer.outputs)
         if self.machine.phase is Phase.ARMED and before.phase is not Phase.ARMED:
             self.recorder.clear()
         elif self.machine.phase is Phase.FIRING and before.phase is not Phase.FIRING:
@@ -244,7 +246,7 @@ class _Executive:
         assert fire_s is not None
         report = self.pilot.evaluate(self.recorder.record(fire_s), Heartbeat(self._stroke))
         self.log.write("hop", self._now_s, report.as_payload())
-        self.board.ground_link.send("hop", json.dumps(report.as_payload()))
+        self._send("hop", report.as_payload())
         unkept = self._ground.keep(self.pilot.ground.record())
         if unkept:
             self._event(unkept)
@@ -263,7 +265,7 @@ class _Executive:
             self._due_s = now_s + period_s
         self.board.clock.sleep_until_s(self._due_s)
 
-    def _tell(self, before: Machine, events: tuple[Event, ...], outputs: Outputs) -> None:
+    def _tell(self, before: Machine, snap: Snapshot, events: tuple[Event, ...], outputs: Outputs) -> None:
         for event in events:
             self._event(event)
         after = self.machine
@@ -279,22 +281,23 @@ class _Executive:
             "beyond": len(after.beyond_ticks),
         }
         self.log.write("outputs", self._now_s, done)
-        if self._told_s is None or self._now_s - self._told_s >= self.settings.tick.telemetry_period_s:
-            self._told_s = self._now_s
-            self.board.ground_link.send("outputs", json.dumps(done))
+        if self._telemetry.due(self._now_s, self.settings.tick.telemetry_period_s):
+            told = self._telemetry.message(after, snap, outputs, self.settings)
+            self.board.ground_link.send("channels", json.dumps(told))
 
     def _event(self, event: Event) -> None:
         payload: dict[str, Any] = {"name": event.name, "severity": event.severity, **event.details}
         self.log.write("event", self._now_s, payload)
-        if event.name in ACKNOWLEDGEMENTS:
-            self.board.ground_link.send("acknowledgement", json.dumps(payload))
-        elif event.severity != "info":
-            self.board.ground_link.send("event", json.dumps(payload))
+        topic = "acknowledgement" if event.name in ACKNOWLEDGEMENTS else "event"
+        self._send(topic, payload)
 
     def _state(self, old: Phase, new: Phase, reason: str) -> None:
         payload = {"from": str(old), "to": str(new), "reason": reason, "hop_index": self.machine.hop_index}
         self.log.write("state", self._now_s, payload)
-        self.board.ground_link.send("state", json.dumps(payload))
+        self._send("state", payload)
+
+    def _send(self, topic: str, payload: Mapping[str, Any]) -> None:
+        self.board.ground_link.send(topic, json.dumps({"time_s": self._now_s, **payload}))
 
 
 __all__ = ["HopReport", "Progress", "Watcher", "fly"]

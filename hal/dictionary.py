@@ -88,6 +88,7 @@ class Dictionary:
     commands: dict[str, CommandEntry]
     events: dict[str, EventEntry]
     topics: dict[str, Identifier]
+    phases: dict[str, Identifier]
     channels: dict[str, ChannelEntry]
     parameters: dict[str, ParameterEntry]
 
@@ -112,7 +113,7 @@ def _problems(found: Dictionary) -> list[str]:
     kinds: dict[str, dict[str, Any]] = {"commands": found.commands, "events": found.events}
     for kind, entries in kinds.items():
         problems += _doubles(kind, {name: entry.id for name, entry in entries.items()})
-    problems += _doubles("topics", found.topics)
+    problems += _doubles("topics", found.topics) + _doubles("phases", found.phases)
     for name, event in found.events.items():
         if event.severity not in SEVERITIES:
             problems.append(f"events.{name}.severity = {event.severity!r} is none of {', '.join(SEVERITIES)}")

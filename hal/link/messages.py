@@ -3,7 +3,7 @@
 A command's data: sequence number (8 bytes), number of the command in the dictionary (2), arguments (count; then each
 name with its length, and an IEEE double), and the first 16 bytes of an HMAC-SHA-256 over session, header and data.
 The session is drawn by the robot at its start and comes with each telemetry packet, so that no command of an earlier
-life is good again. Telemetry: session (8), topic (2), JSON text, signature.
+life is good again. Telemetry: session (8), topic (2), JSON text, signature; the channels are packed (`channels.py`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import struct
 from dataclasses import dataclass
 
 from hal.dictionary import dictionary
+from hal.link.channels import TOPIC, pack_channels, unpack_channels
 from hal.link.keys import Key
 from hal.link.packets import BadPacket, SpacePacket
 
@@ -89,8 +90,12 @@ def _arguments(body: bytes, count: int) -> tuple[tuple[str, float], ...]:
 
 
 def encode_telemetry(message: Telemetry, count: int, session: bytes, key: Key) -> bytes:
-    """The packet of a telemetry message. Raises `KeyError` for a topic that the dictionary lacks."""
-    body = session + _TOPIC.pack(dictionary().topics[message.topic]) + message.text.encode()
+    """The packet of a telemetry message. Raises `KeyError` for a topic that the dictionary lacks.
+
+    Raises `BadPacket` for channels that cannot be packed.
+    """
+    content = pack_channels(message.text) if message.topic == TOPIC else message.text.encode()
+    body = session + _TOPIC.pack(dictionary().topics[message.topic]) + content
     return _signed(False, count, body, session, key)
 
 
@@ -101,7 +106,10 @@ def decode_telemetry(raw: bytes, key: Key) -> tuple[bytes, Telemetry]:
     names = {number: name for name, number in dictionary().topics.items()}
     if len(body) < _TOPIC.size or (number := _TOPIC.unpack_from(body)[0]) not in names:
         raise BadPacket("telemetry of an unknown topic")
-    return session, Telemetry(names[number], body[_TOPIC.size :].decode("utf-8", errors="replace"))
+    content = body[_TOPIC.size :]
+    if names[number] == TOPIC:
+        return session, Telemetry(TOPIC, unpack_channels(content))
+    return session, Telemetry(names[number], content.decode("utf-8", errors="replace"))
 
 
 def _signed(telecommand: bool, count: int, body: bytes, session: bytes, key: Key) -> bytes:

@@ -82,7 +82,7 @@ def test_a_line_that_nobody_reads_neither_waits_nor_grows(ends: tuple[SerialLine
     line, far = ends
     robot = RobotLink(line, KEY, b"session1", Clock(), SETTINGS)
     for _ in range(200):
-        robot.send("outputs", "x" * 1000)
+        robot.send("hop", "x" * 1000)
     assert robot.dropped > 0
     assert robot.held_bytes <= SETTINGS.waiting_bytes
     assert line.write(b"more") == 0
@@ -97,7 +97,7 @@ def test_a_line_that_is_gone_is_a_ground_that_is_silent(ends: tuple[SerialLine, 
         line.read(10)
     with pytest.raises(DeviceError):
         line.write(b"anybody?")
-    robot.send("outputs", "{}")
+    robot.send("hop", "{}")
     assert robot.receive() == ()
 
 
