@@ -24,6 +24,7 @@ from ground.dictionary_page import dictionary_page
 from ground.files import configured
 from ground.importing import import_recording
 from ground.link_cli import link_app
+from ground.live.command import console_app
 from ground.mission_run import plan_mission, run_mission
 from ground.mission_summary import (
     HOP_LINE_HEADERS,
@@ -51,7 +52,7 @@ plant_app = typer.Typer(no_args_is_help=True, help="Plant files.")
 app.add_typer(plant_app, name="plant")
 app.add_typer(campaign_app, name="campaign")
 add_paper_commands(app)
-app.registered_commands += link_app.registered_commands
+app.registered_commands += link_app.registered_commands + console_app.registered_commands
 app.add_typer(demo_app, name="demo")
 
 Json = Annotated[bool, typer.Option("--json", help="Print the answer as JSON, for machines.")]

@@ -8,7 +8,7 @@ stopped the log alone is kept, beside it.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -81,12 +81,16 @@ def run_mission(
     settings_path: Path | None = None,
     watch: Watcher | None = None,
     ground_memory: Path | None = None,
+    fitted: Callable[[Board], Board] = lambda board: board,
+    stay_s: float = 0.0,
 ) -> MissionRun:
     """Fly `plan` on the board of that name and write everything to `folder`.
 
     `changes` replace keys of the board's settings (`plants`, `faults`, `initial` ... of
     `config/boards/sim.yaml`), mappings key by key; `seed` is short for the seed there. `watch` is called once
-    a tick. `ground_memory` is a file that keeps what is learned of the ground from mission to mission.
+    a tick. `ground_memory` is a file that keeps what is learned of the ground from mission to mission. `fitted`
+    may put other devices on the opened board (a ground link); `stay_s` is how long the flight waits in SAFE for
+    the ground's reset.
 
     Raises `ConfigError` or `BoardUnavailable` before anything moves. When it is stopped (Ctrl-C) or fails
     later, nothing is left in `folder`, and the log is kept in `FOLDER.stopped`, as the error's notes say.
@@ -103,6 +107,7 @@ def run_mission(
         "surfaces": config_path("surfaces.yaml").read_text(encoding="utf-8"),
         "mission": yaml.safe_dump(asdict(plan), sort_keys=False),
         "board_settings": yaml.safe_dump(board_settings, sort_keys=False),
+        "stay_s": repr(stay_s),
     }
     limits = None if board in SIMULATED_BOARDS else settings.log  # only on board is memory short
     with whole_folder(folder, SUMMARY_NAME) as work, log_kept(work / LOG_NAME, folder):
@@ -114,9 +119,11 @@ def run_mission(
             if plan.goals and board in SIMULATED_BOARDS:
                 sink = Terrain(log, world_of(opened), plan, settings.rig.foot, board_settings.get("seed", 0))
             clock = StoppableClock(opened.clock)
-            flown = tap_board(replace(_remembering(opened, ground_memory), clock=clock), sink)
+            whole = fitted(replace(_remembering(opened, ground_memory), clock=clock))
             with clock.listening():
-                result = fly(flown, settings, plan, sink, watch, surfaces=surfaces)
+                result = fly(
+                    tap_board(whole, sink), settings, plan, sink, watch, surfaces=surfaces, stay_s=stay_s
+                )
         found, notes = _recordings(work, folder)
         hops = _outcomes(result, _truths(opened), found)
         run = MissionRun(folder, board, board_settings.get("seed"), settings, result, hops, notes)

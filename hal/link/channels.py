@@ -1,7 +1,8 @@
-"""The packed form of the telemetry channels: what the robot says of itself several times a second, in a hundred bytes.
+"""The packed form of the telemetry channels: what the robot says of itself several times a second.
 
 Big-endian: time [s] (IEEE double), number of the phase (1 byte), index of the hop (2), then each channel of the
-dictionary in its order: one byte for a bool, an IEEE single for anything else, not-a-number where there is no reading.
+dictionary in its order: one byte for a bool, an IEEE single for anything else (not-a-number: no
+reading).
 `hopper dictionary export --xtce FILE` describes the same bytes to a mission control system.
 """
 

@@ -46,6 +46,12 @@ def test_each_package_is_whole_and_typed(wheel: zipfile.ZipFile, package: str) -
     assert f"{package}/py.typed" in wheel.namelist()
 
 
+def test_the_consoles_page_is_inside(wheel: zipfile.ZipFile) -> None:
+    folder = CHECKOUT / "ground" / "live" / "static"
+    packed = {name for name in wheel.namelist() if name.startswith("ground/live/static/")}
+    assert packed == {f"ground/live/static/{path.name}" for path in folder.iterdir()}
+
+
 def test_nothing_else_is_inside(wheel: zipfile.ZipFile) -> None:
     tops = {name.partition("/")[0] for name in wheel.namelist()}
     (metadata,) = tops - set(PACKAGES)

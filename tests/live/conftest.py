@@ -1,0 +1,18 @@
+"""A short mission flown once for all tests of the console."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from flight import settings as flight_settings
+from ground.mission_run import plan_mission, run_mission
+
+
+@pytest.fixture(scope="session")
+def flown_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("console") / "mission"
+    plan = plan_mission("quartz_sand", 1, 4.0, flight_settings.load())
+    run_mission(plan, folder, seed=3)
+    return folder / "flight.mcap"
