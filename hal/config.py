@@ -22,9 +22,6 @@ from hal.errors import ConfigError
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
-    from yaml import SafeLoader as _Loader
-else:
-    _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # several times as fast, where it was built in
 
 T = TypeVar("T", bound="DataclassInstance")
 
@@ -73,7 +70,7 @@ def read_yaml(path: Path) -> Any:
         raise ConfigError(f"{path}: not valid YAML ({str(error).splitlines()[0]})") from error
 
 
-class StrictLoader(_Loader):
+class StrictLoader(yaml.SafeLoader):
     """YAML's safe loader, refusing a key that stands twice in one mapping; `1e-5` is read as a number."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
