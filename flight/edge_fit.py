@@ -22,6 +22,9 @@ _ENOUGH_SHARE = 0.02  # of what a fit that explains little costs beyond one that
 _GIVE_UP_DAMPING = 1e3
 _HOPELESS = (2, 50.0)  # after so many steps, a fit so much worse than the best is left alone
 _MOST_MOVE_S, _FURTHEST_S = 2e-3, 0.012  # of an edge: in one step, and from where it was first put
+_THROWN_M_S = 0.2
+_GRAZE_STEP_S, _GRAZE_STEPS = 2e-4, 126  # of the foot's path after it left, over 25 ms
+_GRAZE_M, _GRAZE_ODDS = 1e-5, 1e-3  # what the path may be wrong by beside its speed; odds that count
 _SAME_S = 3e-5  # so close, two fits are one
 _SOIL_LOG = 14.2  # of stiffness over leg mass [1/s^2]: soils stay below
 _ROUGH = (0.1, 0.03)  # share of what soft and hard ground adds that a start may miss
@@ -47,9 +50,9 @@ class Edge:
 
     @property
     def is_soil(self) -> bool:
-        """Whether the ground is too soft for steel, by two sigma."""
+        """Whether the ground is too soft for steel, by two sigma, and throws the foot as pressed soil does."""
         stiff = float(self.parameters[E.STIFF]) + 2.0 * math.sqrt(self.covariance[E.STIFF, E.STIFF])
-        return stiff < _SOIL_LOG
+        return stiff < _SOIL_LOG and self.foot_speed_m_s > _THROWN_M_S
 
     @property
     def evidence(self) -> float:
@@ -64,6 +67,33 @@ class Edge:
         rate = self.ringing.compression(self.time_s, data.robot)[1]
         foot = com + (1.0 - data.robot.leg_share) * rate
         return -data.way * foot + float(self.parameters[E.SPEED])
+
+    def pull(self, name: E) -> float:
+        """How far the fit drew a parameter away from what was known of it, in that knowledge's sigmas."""
+        return abs(
+            float(self.parameters[name] - self.data.prior_mean[name]) / float(self.data.prior_std[name])
+        )
+
+    def graze(self) -> tuple[float, float] | None:
+        """When the foot, having left, comes down once more as deep: seconds after; and the odds that it touches.
+
+        The body's push on the spring is not over yet when the foot leaves early. None where it keeps clear.
+        """
+        data, ringing = self.data, self.ringing
+        tau = np.arange(1.0, _GRAZE_STEPS) * _GRAZE_STEP_S
+        body = 1.0 - data.robot.leg_share
+        start_m = ringing.compression(self.time_s, data.robot)[0]
+        swung = np.array([ringing.compression(self.time_s + t, data.robot)[0] for t in tau]) - start_m
+        com = data.speed_m_s - data.robot.gravity_m_s2 * (self.time_s - data.speed_at_s)
+        speed = com + float(self.parameters[E.SPEED])
+        height = speed * tau - 0.5 * data.robot.gravity_m_s2 * tau**2 + body * swung
+        low = np.flatnonzero((height[1:-1] < height[:-2]) & (height[1:-1] <= height[2:])) + 1
+        if not low.size:
+            return None
+        at = int(low[0])
+        sigma = math.hypot(_GRAZE_M, math.sqrt(self.covariance[E.SPEED, E.SPEED]) * float(tau[at]))
+        touching = 0.5 * math.erfc(float(height[at]) / sigma / math.sqrt(2.0))
+        return (float(tau[at]), touching) if touching > _GRAZE_ODDS else None
 
     def misfits(self) -> tuple[float, float]:
         """Root mean square residual in noise sigmas: in flight, in contact."""

@@ -37,12 +37,14 @@ _EXPLAINED_CHI = 1.5  # misfit in contact that needs no other ground
 _UNLIKE_CHI = 4.0  # misfit in contact of a ground that is not looked at further, if another explains more
 _GROUNDS_TEMPER = 10.0  # by which the costs of soft and hard ground count less
 _BOUNCING = 4.0  # as much more is left to the model where the foot bounces between two samples
-_GRAZE_M_S = 0.035  # speed of a foot that leaves hard ground hardly touching it: it may have left before
+_GRAZE_ODDS = 0.02  # of a graze that is foreseen, or excluded, for certain
+_GRAZE_M_S = 0.1  # speed of a foot that leaves hard ground hardly touching it: it may have left before
 _DEGRADED_CHI = 3.0
+_DEGRADED_PULL = 3.0  # of the ground's stiffness from one end to the other, in sigmas
 _REJECTED_CHI = 60.0
 _REJECTED_BIAS = 0.1  # share of gravity by which the flight may read other than the weight taken away
 _DEGRADED_SIGMA_S = 2e-3
-_REJECTED_SIGMA_S = 2e-2
+_REJECTED_SIGMA_S = 5e-3
 
 
 def estimate_flight(
@@ -220,17 +222,23 @@ class _Estimate:
             sigmas.append(
                 math.hypot(growth * math.sqrt(edge.covariance[E.TIME, E.TIME]), floor_s, unseen_s, rubbing_s)
             )
+        left_s, leaving_sigma_s = fit.take_off.time_s, sigmas[0]
         if not fit.take_off.is_soil:
             grazing_s = evaluation.graze_error_s if fit.take_off.foot_speed_m_s < _GRAZE_M_S else 0.0
             sigmas[0] = math.hypot(sigmas[0], grazing_s, _BOUNCING * unseen_s)
+            leaving_sigma_s = sigmas[0]
+        if (graze := fit.take_off.graze()) is not None:
+            after_s, odds = graze
+            left_s += after_s if odds > 0.5 else 0.0
+            sigmas[0] = math.hypot(sigmas[0], after_s * math.sqrt(min(odds, 1.0 - odds) + _GRAZE_ODDS))
         sigmas[1] = math.hypot(sigmas[1], self.record.rate_sigma * (edges[1].time_s - edges[0].time_s))
         ends = [edge.ringing.compression(edge.time_s, fit.robot) for edge in edges]
         offset = fit.level.value_m_s2 * self.gain + self.static - self.gravity * self.gain
-        verdict = self._verdict(chi, math.hypot(*sigmas), fit)
+        verdict = self._verdict(chi, math.hypot(*sigmas), math.hypot(leaving_sigma_s, sigmas[1]), fit)
         return FlightTime(
             verdict=verdict,
             reasons=tuple(self.reasons),
-            take_off_s=fit.take_off.time_s + self.record.fire_s,
+            take_off_s=left_s + self.record.fire_s,
             touchdown_s=fit.touchdown.time_s + self.record.fire_s,
             take_off_sigma_s=sigmas[0],
             touchdown_sigma_s=sigmas[1],
@@ -242,23 +250,25 @@ class _Estimate:
             compression_rate_m_s=(ends[0][1], ends[1][1]),
             chi=chi,
             contact="hard" if hard else "soft",
+            leaving_sigma_s=leaving_sigma_s,
             fit=fit,
         )
 
-    def _verdict(self, chi: float, sigma_s: float, fit: FlightFit) -> str:
+    def _verdict(self, chi: float, sigma_s: float, left_sigma_s: float, fit: FlightFit) -> str:
+        """`sigma_s`: of the time of flight; `left_sigma_s`: of it, had the foot kept clear once it left."""
         off = abs(fit.level.value_m_s2) > _REJECTED_BIAS * self.gravity + 5.0 * fit.level.sigma_m_s2
         if off:
             bias = fit.level.value_m_s2
             self.reasons.append(f"what rings is not in free fall (off by {bias:.2f} m/s^2)")
         if chi > _REJECTED_CHI:
             self.reasons.append(f"the flight does not ring like this robot (misfit {chi:.0f} sigma)")
-        if sigma_s > _REJECTED_SIGMA_S:
-            self.reasons.append(f"time of flight known to {sigma_s * 1e3:.0f} ms only")
+        if left_sigma_s > _REJECTED_SIGMA_S:
+            self.reasons.append(f"time of flight known to {left_sigma_s * 1e3:.0f} ms only")
         edges_s = (fit.take_off.time_s, fit.touchdown.time_s)
         gap = gap_at(self.times, dict(zip(("take-off", "touchdown"), edges_s, strict=True)))
         after = afterwards(self.times, self.motion, self.expected, self.noise, edges_s)
         self.reasons += [reason for reason in (gap, after) if reason]
-        if off or gap or after or chi > _REJECTED_CHI or sigma_s > _REJECTED_SIGMA_S:
+        if off or gap or after or chi > _REJECTED_CHI or left_sigma_s > _REJECTED_SIGMA_S:
             self.reasons += self.doubts
             return "rejected"
         if has_gap(self.times, -0.02, fit.touchdown.time_s):
@@ -272,4 +282,7 @@ class _Estimate:
             self.reasons.append(f"the ringing is explained to {chi:.1f} sigma only")
         if sigma_s > _DEGRADED_SIGMA_S:
             self.reasons.append(f"time of flight known to {sigma_s * 1e3:.1f} ms only")
+        unlike = fit.touchdown.pull(E.STIFF)
+        if unlike > _DEGRADED_PULL:
+            self.reasons.append(f"the ground at touchdown is another than at take-off, by {unlike:.1f} sigma")
         return "degraded" if self.reasons else "valid"

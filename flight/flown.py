@@ -38,6 +38,7 @@ class FlightTime:
     Take-off and touchdown are where the foot leaves the ground and is back at the height at which it left.
     `verdict` is `valid`, `degraded` (usable, with the reasons) or `rejected`. Compressions of the spring and
     their rates, at both ends, come from the fitted ringing. `chi`: misfit of the ringing in noise sigmas.
+    `leaving_sigma_s`: of the take-off that heights are counted from; a last graze of the ground changes no height.
     """
 
     verdict: str
@@ -54,6 +55,7 @@ class FlightTime:
     compression_rate_m_s: tuple[float, float] = (math.nan, math.nan)
     chi: float = math.nan
     contact: str = ""
+    leaving_sigma_s: float = math.nan
     fit: FlightFit | None = field(default=None, repr=False, compare=False)
 
     @property

@@ -61,7 +61,7 @@ def jump_height(
         compression_m.value,
     )
     sources: Mapping[str, Uncertain] = {
-        "take_off_s": Uncertain.of(at.take_off_s, flight.take_off_sigma_s, f"take_off#{hop_index}"),
+        "take_off_s": Uncertain.of(at.take_off_s, flight.leaving_sigma_s, f"take_off#{hop_index}"),
         "touchdown_s": Uncertain.of(at.touchdown_s, flight.touchdown_sigma_s, f"touchdown#{hop_index}"),
         "gravity_m_s2": gravity,
         "slope_m_s3": Uncertain.of(at.slope_m_s3, fit.level.slope_sigma_m_s3, f"flight_slope#{hop_index}"),
