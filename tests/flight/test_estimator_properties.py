@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 from dataclasses import replace
@@ -158,26 +159,32 @@ def test_batches_in_the_wrong_order_are_refused(seed: int, at: int, length: int)
     assert "times do not increase" in flight.reasons[0]
 
 
-def test_more_noise_never_narrows_the_intervals() -> None:
-    for seed in range(4):
-        sigmas = []
-        for noise in (0.0, 0.1, 0.4):
-            record = seen(30, "sand", seed)
-            more = noise * np.random.Generator(np.random.PCG64(seed)).normal(size=record.times_s.size)
-            noisy = replace(record, specific_force_m_s2=record.specific_force_m_s2 + more)
-            sigmas.append(estimate_flight(noisy, SETTINGS).time_of_flight_sigma_s)
-        assert sigmas == sorted(sigmas)
+@FEW
+@given(compressions, grounds, seeds, st.floats(0.1, 0.6), st.floats(1.5, 4.0))
+def test_more_noise_never_narrows_the_intervals(
+    mm: int, ground: str, seed: int, noise: float, times: float
+) -> None:
+    record = seen(mm, ground, seed)
+    white = np.random.Generator(np.random.PCG64(seed)).normal(size=record.times_s.size)
+    noisy = [
+        replace(record, specific_force_m_s2=record.specific_force_m_s2 + size * white)
+        for size in (0.0, noise, times * noise)
+    ]
+    flights = [estimate_flight(each, SETTINGS) for each in noisy]
+    accepted = [flight.time_of_flight_sigma_s for flight in flights if flight.verdict != "rejected"]
+    assert len(accepted) >= 2  # the most noise may be too much
+    # the noise is estimated from the samples: give or take what that estimate scatters
+    assert all(after > 0.95 * before for before, after in itertools.pairwise(accepted))
 
 
-@pytest.mark.parametrize("ground", sorted(GROUNDS))
-def test_a_longer_flight_never_gives_less_energy(ground: str) -> None:
-    found = [evaluate_hop(seen(mm, ground), SETTINGS, 0) for mm in range(20, 37, 2)]
-    pairs = sorted(
-        (e.flight.time_of_flight_s, e.potential_j.value) for e in found if e.potential_j is not None
-    )
-    energies = [energy for _, energy in pairs]
-    assert len(energies) == len(found)
-    assert energies == sorted(energies)
+@FEW
+@given(compressions, compressions, grounds, seeds)
+def test_a_longer_flight_never_gives_less_energy(one_mm: int, other_mm: int, ground: str, seed: int) -> None:
+    found = [evaluate_hop(seen(mm, ground, seed), SETTINGS, 0) for mm in (one_mm, other_mm)]
+    pairs = [(each.flight.time_of_flight_s, each.potential_j) for each in found]
+    (short_s, less_j), (long_s, more_j) = sorted(pairs, key=lambda pair: pair[0])
+    assert less_j is not None and more_j is not None
+    assert more_j.value >= less_j.value or math.isclose(short_s, long_s, rel_tol=1e-6)
 
 
 @settings(max_examples=60, deadline=None)
