@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from ground.diagnose.accept import likelihood_here
 from ground.diagnose.ask import propose
 from ground.diagnose.candidates import Candidate
+from ground.diagnose.chosen import Chosen, Named
 from ground.diagnose.combinations import told_combinations, untold
 from ground.diagnose.crossval import in_sample
 from ground.diagnose.evidence import LocatedForce
 from ground.diagnose.fit import Fit
-from ground.diagnose.name import Chosen, Named
 from ground.diagnose.result import Alternative, Estimate, Finding, Interval, Verdict
 from ground.diagnose.scoring import whiteness_p
 from ground.diagnose.segments import Segment

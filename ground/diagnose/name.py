@@ -10,13 +10,14 @@ the others in place: that contest gives the probabilities.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.accept import identified, likelihood_here, worthwhile
 from ground.diagnose.candidates import Candidate, effect_candidates, label_of
+from ground.diagnose.chosen import Chosen, Named
 from ground.diagnose.crossval import HeldOut, cross_validate, in_sample
 from ground.diagnose.fit import Fit
 from ground.diagnose.released import released_parameters
@@ -49,36 +50,6 @@ SAME = 0.9999
 """Two candidates whose effects on the residuals correlate this closely cannot be told apart by these recordings."""
 
 
-@dataclass(frozen=True)
-class Chosen:
-    """An effect in the extended plant, its rivals with their weights, and what the plant is like without it.
-
-    `twins` act alike on these recordings: nothing but where they usually occur speaks for one of them. `rival_fit` is
-    the plant with the closest rival in its place.
-    """
-
-    candidate: Candidate
-    probability_better: float
-    rivals: tuple[Candidate, ...]
-    twins: tuple[Candidate, ...]
-    weights: tuple[tuple[Candidate, float], ...] = ()
-    chi2_without: float = 0.0
-    rival_fit: tuple[Candidate, Fit] | None = None
-
-
-@dataclass(frozen=True)
-class Named:
-    """The end of the search: the extended fit, what joined, and what was tried in the last round in vain.
-
-    `screened` is what every other candidate promised in the last round, and how little of it would have been seen.
-    """
-
-    fit: Fit
-    chosen: tuple[Chosen, ...]
-    refused: tuple[tuple[Candidate, float], ...]
-    screened: tuple[Promise, ...]
-
-
 class Search:
     """Forward selection of effects on given segments, with replacement."""
 
@@ -105,18 +76,37 @@ class Search:
         current, final = self.settled(current, chosen)
         return Named(current, final, refused, tuple(self._screened))
 
-    def settled(self, current: Fit, chosen: Sequence[Chosen]) -> tuple[Fit, tuple[Chosen, ...]]:
-        """The extended plant fitted to the bottom, and each effect set against its rivals; the needless leave."""
+    def settled(
+        self, current: Fit, chosen: Sequence[Chosen], left: frozenset[str] = frozenset()
+    ) -> tuple[Fit, tuple[Chosen, ...]]:
+        """The extended plant fitted to the bottom, and each effect set against its rivals.
+
+        The needless leave, and one whose rival turns out more probable gives way to it; `left` are the keys of those
+        that have.
+        """
         if not chosen:
             return current, ()
         self.progress("settling the extended plant")
         (current,) = self.fitted([FitTask(current.plant, current, current.values, "final")])
         final = tuple(self.contest(current, one) for one in chosen)
         least = min(final, key=lambda one: one.probability_better)
-        if len(final) == 1 or least.probability_better >= NEEDLESS:
-            return current, final
-        self.progress(f"leaving out {label_of(least.candidate)}")
-        return self.settled(self.without(current, least), [one for one in final if one is not least])
+        if len(final) > 1 and least.probability_better < NEEDLESS:
+            self.progress(f"leaving out {label_of(least.candidate)}")
+            return self.settled(
+                self.without(current, least), [one for one in final if one is not least], left
+            )
+        for one in final:
+            if (better := one.outdone_by(left)) is not None:
+                rival, fit = better
+                self.progress(f"replacing {label_of(one.candidate)} by {label_of(rival)}")
+                changed = [self.given_way(each, rival) if each is one else each for each in final]
+                return self.settled(fit, changed, left | {one.candidate.key})
+        return current, final
+
+    def given_way(self, one: Chosen, rival: Candidate) -> Chosen:
+        """An effect's place taken by one of its rivals."""
+        others = tuple(c for c in (one.candidate, *one.rivals) if c is not rival)
+        return replace(one, candidate=rival, rivals=others, twins=self._twins.get(rival.key, ()))
 
     def fitted(self, tasks: Sequence[FitTask]) -> list[Fit]:
         """Fits in the order of the tasks."""
@@ -240,9 +230,7 @@ class Search:
             rival = swapped[0][0]
             ((_, current),) = self.polished(swapped[:1])
             self.progress(f"replacing {label_of(one.candidate)} by {label_of(rival)}")
-            others = tuple(c for c in (one.candidate, *one.rivals) if c is not rival)
-            twins = self._twins.get(rival.key, ())
-            chosen[number] = replace(one, candidate=rival, rivals=others, twins=twins)
+            chosen[number] = self.given_way(one, rival)
         return current, chosen
 
     def without(self, current: Fit, one: Chosen) -> Fit:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ground.diagnose.accept import identified, worthwhile
+from ground.diagnose.chosen import Chosen, Named
 from ground.diagnose.crossval import cross_validate
 from ground.diagnose.evidence import LocatedForce
 from ground.diagnose.formula import formula_candidate, sparse_law
-from ground.diagnose.name import ACCEPT, Chosen, Named
+from ground.diagnose.name import ACCEPT
 from ground.diagnose.scoring import effective_share, probability_better
 from ground.diagnose.workers import FitTask, Workers, fit_job
 

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.candidates import label_of
+from ground.diagnose.chosen import Named
 from ground.diagnose.compare import compare_with
 from ground.diagnose.evidence import Evidence, LocatedForce
 from ground.diagnose.findings import findings_of, next_run, unexplained, verdict_of
 from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.locate import LocateTask, locate, still_missing
-from ground.diagnose.name import Named, Search
+from ground.diagnose.name import Search
 from ground.diagnose.nameless import with_formula
 from ground.diagnose.power import power_of, untestable
 from ground.diagnose.problem import PRIOR_REACH
