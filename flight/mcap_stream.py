@@ -97,10 +97,35 @@ _SCHEMA_TYPES: tuple[tuple[type, str], ...] = (
 def schema_of(value: Any) -> dict[str, Any]:
     """The JSON schema that describes values like this one: what a viewer needs to offer its fields."""
     if isinstance(value, Mapping):
-        return {"type": "object", "properties": {key: schema_of(item) for key, item in value.items()}}
+        return {"type": "object", "properties": {key: _field(key, item) for key, item in value.items()}}
     if isinstance(value, list | tuple):
         return {"type": "array", "items": schema_of(value[0]) if value else {}}
     return next(({"type": name} for kind, name in _SCHEMA_TYPES if isinstance(value, kind)), {})
+
+
+_UNITS = (  # by the end of a name, longest first
+    *(
+        ("_m_s2", "m/s²"),
+        ("_m_s", "m/s"),
+        ("_n_m", "N/m"),
+        ("_hz", "Hz"),
+        ("_deg", "°"),
+        ("_s", "s"),
+        ("_m", "m"),
+    ),
+    *(("_a", "A"), ("_v", "V"), ("_n", "N"), ("_j", "J"), ("_k", "K"), ("_w", "W"), ("_kg", "kg")),
+)
+
+
+def unit_of(name: str) -> str:
+    """The unit that a name ends in; empty when it has none."""
+    return next((unit for ending, unit in _UNITS if name.removesuffix("_sigma").endswith(ending)), "")
+
+
+def _field(name: str, value: Any) -> dict[str, Any]:
+    """The schema of a field, described by its unit where its name tells one."""
+    unit = unit_of(name)
+    return {**schema_of(value), "description": unit} if unit else schema_of(value)
 
 
 @dataclass

@@ -20,7 +20,7 @@ from ground.demo_cli import demo_app
 from ground.diagnose.pipeline import Outcome, diagnose, write_outcome
 from ground.diagnose.segments import channel_sigmas, segment_of, sigma_vector
 from ground.diagnose.verify import predict
-from ground.dictionary_page import dictionary_page
+from ground.export_cli import dictionary_app, export_app
 from ground.files import configured
 from ground.importing import import_recording
 from ground.link_cli import link_app
@@ -40,7 +40,6 @@ from ground.recordings.model import Recording, RecordingError
 from ground.replay import replay_log
 from ground.report.diagnosis_page import verdict_sentence as diagnosis_sentence
 from hal.config import config_path
-from hal.dictionary import load_dictionary
 from hal.raspberry_pi import setup_check
 from sim_hal.plant.simulate import Plant, compile_plant, load_plant
 
@@ -52,7 +51,9 @@ plant_app = typer.Typer(no_args_is_help=True, help="Plant files.")
 app.add_typer(plant_app, name="plant")
 app.add_typer(campaign_app, name="campaign")
 add_paper_commands(app)
-app.registered_commands += link_app.registered_commands + console_app.registered_commands
+app.add_typer(dictionary_app, name="dictionary")
+for other in (link_app, console_app, export_app):
+    app.registered_commands += other.registered_commands
 app.add_typer(demo_app, name="demo")
 
 Json = Annotated[bool, typer.Option("--json", help="Print the answer as JSON, for machines.")]
@@ -289,10 +290,3 @@ def show_diagnosis(outcome: Outcome, folder: Path) -> None:
     for note in found.notes:
         console.say(f"note: {note}")
     console.say(f"page: {folder / 'report.html'}")
-
-
-@app.command("dictionary")
-def dictionary_command() -> None:
-    """Print every command, event, telemetry channel and parameter as a page (Markdown)."""
-    with console.clear_errors():
-        print(dictionary_page(load_dictionary()), end="")

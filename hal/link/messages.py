@@ -21,10 +21,11 @@ from hal.link.packets import BadPacket, SpacePacket
 
 APID = 0x48
 SESSION_BYTES = 8
-_SIGNATURE_BYTES = 16
+SIGNATURE_BYTES = 16
 _COMMAND = struct.Struct(">QHB")
 _VALUE = struct.Struct(">d")
 _TOPIC = struct.Struct(">H")
+TOPIC_BYTES = _TOPIC.size
 
 
 class BadSignature(BadPacket):
@@ -114,8 +115,8 @@ def decode_telemetry(raw: bytes, key: Key) -> tuple[bytes, Telemetry]:
 
 def _signed(telecommand: bool, count: int, body: bytes, session: bytes, key: Key) -> bytes:
     count %= 1 << 14
-    unsigned = SpacePacket(telecommand, APID, count, body + bytes(_SIGNATURE_BYTES)).encode()[
-        :-_SIGNATURE_BYTES
+    unsigned = SpacePacket(telecommand, APID, count, body + bytes(SIGNATURE_BYTES)).encode()[
+        :-SIGNATURE_BYTES
     ]
     return unsigned + _signature(unsigned, session, key)
 
@@ -125,13 +126,13 @@ def _checked(raw: bytes, telecommand: bool, session: bytes, key: Key) -> bytes:
     packet = SpacePacket.decode(raw)
     if packet.telecommand != telecommand or packet.apid != APID:
         raise BadPacket("a packet for somebody else")
-    if len(packet.data) <= _SIGNATURE_BYTES:
+    if len(packet.data) <= SIGNATURE_BYTES:
         raise BadPacket("a packet without a signature")
-    expected = _signature(raw[:-_SIGNATURE_BYTES], session, key)
-    if not hmac.compare_digest(expected, raw[-_SIGNATURE_BYTES:]):
+    expected = _signature(raw[:-SIGNATURE_BYTES], session, key)
+    if not hmac.compare_digest(expected, raw[-SIGNATURE_BYTES:]):
         raise BadSignature("not signed for this session")
-    return packet.data[:-_SIGNATURE_BYTES]
+    return packet.data[:-SIGNATURE_BYTES]
 
 
 def _signature(unsigned: bytes, session: bytes, key: Key) -> bytes:
-    return hmac.digest(key.secret, session + unsigned, hashlib.sha256)[:_SIGNATURE_BYTES]
+    return hmac.digest(key.secret, session + unsigned, hashlib.sha256)[:SIGNATURE_BYTES]

@@ -1,4 +1,4 @@
-"""A short mission flown once for all tests of the console."""
+"""What tests of several packages share: a short mission, flown once."""
 
 from __future__ import annotations
 
