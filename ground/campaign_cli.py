@@ -13,6 +13,7 @@ from ground import console
 from ground.fault_campaign.campaign import CampaignResult, run_campaign
 from ground.fault_campaign.drawing import load_campaign
 from ground.files import write_atomic
+from ground.report.campaign_page import write_campaign_page
 
 campaign_app = typer.Typer(no_args_is_help=True, help="Campaigns of simulated missions.")
 
@@ -33,12 +34,15 @@ def faults(
     ),
     processes: Annotated[int | None, typer.Option(min=1, help="Processes; all cores unless given.")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="File for the figures.")] = None,
+    figure_folder: console.FigureFolder = None,
 ) -> None:
     """Plant random faults in whole missions, and count what was dangerous, by the plant's truth."""
     with console.clear_errors(stopped=f"what was flown is kept in {out}; the same command goes on there"):
         settings = load_campaign()
         with console.steps(total=float(count)) as show:
             result = run_campaign(settings, count, seed, out, processes or os.cpu_count() or 1, show)
+        page = write_campaign_page(result, seed, out / "report.html")
+        console.draw_figures(page, figure_folder)
         if json_file is not None:
             write_atomic(json_file, json.dumps({"figures": figures(result)}, indent=1) + "\n")
     console.table("Hazards", ("hazard", "missions"), [(k, str(v)) for k, v in result.hazards.items()])
@@ -48,6 +52,7 @@ def faults(
         f"{result.without_effect} faults without effect (a further {result.came_to_nothing} came to nothing and "
         "do not count)"
     )
+    console.say(f"page: {page}")
     if sum(result.hazards.values()):
         raise typer.Exit(1)
 

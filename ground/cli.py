@@ -82,6 +82,7 @@ def run(
     seed: Annotated[int, typer.Option(help="Seed of a simulated mission; it repeats to the bit.")] = 1,
     out: Out = Path("out/run"),
     as_json: Json = False,
+    figures: console.FigureFolder = None,
 ) -> None:
     """Fly N hops on a surface, or a mission file: a table per hop, decisions, recordings and a page."""
     with console.clear_errors():
@@ -95,6 +96,7 @@ def run(
             show(f"opening the board {board!r} (a simulation compiles itself at its first use)")
             watch = mission_watcher(show, energy_j, expected)
             flown = run_mission(plan, out, board=board, seed=seed, watch=watch, ground_memory=ground_memory)
+        console.draw_figures(flown.folder / "report.html", figures, quiet=as_json)
     if as_json:
         console.print_json(mission_content(flown))
     else:
@@ -115,6 +117,7 @@ def diagnose_command(
         str | None, typer.Option(help="A plant with published physics and parameters, to compare with.")
     ] = None,
     as_json: Json = False,
+    figures: console.FigureFolder = None,
 ) -> None:
     """Say what physics the plant lacks, add it, and show the fit improve on data that it never saw."""
     with console.clear_errors():
@@ -124,6 +127,7 @@ def diagnose_command(
         with console.steps() as show:
             outcome = diagnose(read, given, show, reference, processes=min(4, os.cpu_count() or 1))
         write_outcome(outcome, out)
+        console.draw_figures(out / "report.html", figures, quiet=as_json)
     if as_json:
         console.print_json(json.loads(outcome.diagnosis.to_json()))
     else:

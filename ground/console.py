@@ -6,7 +6,8 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 from rich import box
@@ -16,8 +17,13 @@ from rich.table import Table
 
 from ground.diagnose.pipeline import DiagnosisError
 from ground.recordings.model import RecordingError
+from ground.report.figure_files import write_figures
 from hal.errors import HalError
 from sim_hal.plant.simulate import SimulationError
+
+FigureFolder = Annotated[
+    Path | None, typer.Option("--figures", help="Folder for each plot as PNG and SVG (needs a Chromium).")
+]
 
 out = Console()
 err = Console(stderr=True)
@@ -71,6 +77,16 @@ def steps(total: float | None = None) -> Iterator[Callable[..., None]]:
                 print(text, file=sys.stderr, flush=True)
 
         yield show
+
+
+def draw_figures(page: Path, folder: Path | None, quiet: bool = False) -> None:
+    """Write the plots of a page as files, if a folder was asked for."""
+    if folder is not None:
+        with steps() as show:
+            show(f"drawing the figures of {page}")
+            written = write_figures(page, folder)
+        if not quiet:
+            say(f"{folder}: {len(written)} files")
 
 
 def say(text: str) -> None:

@@ -29,12 +29,14 @@ def concealed(
     seed: Annotated[int, typer.Option(help="Seed of the rig and of all noise; it repeats to the bit.")] = 1,
     out: Annotated[Path, typer.Option("--out", help="Folder for the results.")] = Path("out/concealed"),
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON, for machines.")] = False,
+    figures: console.FigureFolder = None,
 ) -> None:
     """Hide physics in a robot whose C3 looks normal, find it, and predict the next hops with it."""
     with console.clear_errors():
         with console.steps() as show:
             result = demonstrate(out, hide, seed, show, processes=min(4, os.cpu_count() or 1))
         page = write_concealed_page(result, out / "concealed.html")
+        console.draw_figures(page, figures, quiet=as_json)
     if as_json:
         console.print_json(content_of(result))
         return

@@ -41,6 +41,20 @@ def export_command(
     console.table(f"{out}", ("file", "", "rows"), [(name, "", str(rows)) for name, rows in written.items()])
 
 
+@export_app.command("figures")
+def figures_command(
+    page: Annotated[Path, typer.Argument(help="A page that a command of hopper wrote (HTML).")],
+    out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("out/figures"),
+) -> None:
+    """Write each plot of a page as PNG and SVG, for a paper; needs a Chromium and the extra 'figures'.
+
+    \b
+    hopper figures out/run/report.html --out out/figures
+    """
+    with console.clear_errors():
+        console.draw_figures(page, out)
+
+
 @export_app.command("layout")
 def layout_command(
     file: Annotated[Path, typer.Argument(help="Layout file to write (JSON).")] = Path("hopper.layout.json"),

@@ -47,6 +47,7 @@ def reproduce(
         Path | None, typer.Option("--json", help="Write every published number with ours to this file, too.")
     ] = None,
     processes: Annotated[int, typer.Option(min=1, help="Processes to fly on; the answer is the same.")] = 2,
+    figures: console.FigureFolder = None,
 ) -> None:
     """Fly the published campaign through the flight code, and show every published number beside ours."""
     with console.clear_errors():
@@ -65,6 +66,7 @@ def reproduce(
                 made, flown_seed = reproduce_by_flight(campaign, seed, show, processes), seed
             how = flown_words(campaign, seed)
         page = write_results(campaign, made, out, flown_seed, how)
+        console.draw_figures(page, figures)
         if json_file is not None:
             shutil.copyfile(out / JSON_NAME, json_file)
     console.table(campaign.paper.citation, CONSOLE_HEADERS, console_rows(made))

@@ -18,6 +18,7 @@ from flight.settings import FlightSettings
 from ground.live.view import Told, View
 from ground.recordings.log_channels import Series
 from ground.recordings.model import Floats
+from ground.report.compact import thin_indices
 from hal.log import LogError
 
 POINTS = 2000
@@ -77,12 +78,7 @@ class Recorded:
 
 def thinned(times_s: Floats, values: Floats, points: int = POINTS) -> tuple[Floats, Floats]:
     """At most about `points` samples: the lowest and the highest of each bucket, in their order."""
-    if times_s.size <= points:
-        return times_s, values
-    buckets = np.array_split(np.arange(times_s.size), points // 2)
-    keep = np.array(
-        [sorted((bucket[values[bucket].argmin()], bucket[values[bucket].argmax()])) for bucket in buckets]
-    ).ravel()
+    keep = thin_indices(values, points)
     return times_s[keep], values[keep]
 
 

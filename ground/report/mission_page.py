@@ -20,6 +20,8 @@ from ground.report.decision_figures import belief_figure, height_figure
 from ground.report.mission_figures import NINETY_FIVE, c3_figure, drive_figure, hop_figure, surface_figure
 from ground.report.page import Cell, Page
 
+DRAWN_HOPS = 16
+"""Hops whose signals are drawn; each adds 50 kB to the page."""
 TONES = {"valid": "good", "degraded": "plain", "rejected": "bad"}
 
 
@@ -39,8 +41,14 @@ def write_mission_page(run: MissionRun, path: Path) -> Path:
     if run.result.decided:
         _add_decisions(page, run)
     _add_elsewhere(page, run)
-    for outcome in run.hops:
+    for outcome in run.hops[:DRAWN_HOPS]:
         _add_hop(page, run, outcome)
+    if len(run.hops) > DRAWN_HOPS:
+        page.section(
+            "The later hops",
+            f"Not drawn, to keep this page light: hops {DRAWN_HOPS + 1} to {len(run.hops)}. "
+            "Their recordings lie beside it, and the console plays back the log.",
+        )
     if run.notes:
         page.section("Keep in mind", "\n\n".join(run.notes))
     return page.write(path)

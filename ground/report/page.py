@@ -20,6 +20,7 @@ from plotly.graph_objects import Figure
 from plotly.offline import get_plotlyjs
 
 from ground.files import write_atomic
+from ground.report.compact import compacted
 from ground.report.skeleton import DRAW_SCRIPT, STYLE
 
 BLUE, ORANGE, GREEN, VIOLET, RED, GREY = "#3b82f6", "#e0763a", "#35a06a", "#a06bd6", "#dc4c64", "#8a8f98"
@@ -90,7 +91,7 @@ class Page:
     def figure(self, figure: Figure, caption: str = "") -> Page:
         """Add a Plotly figure (its template is replaced by the page's)."""
         self._figures += 1
-        content: dict[str, Any] = json.loads(figure.to_json())
+        content: dict[str, Any] = compacted(json.loads(figure.to_json()))
         content["layout"].pop("template", None)
         height = content["layout"].get("height", 380)
         # "</" would let a string in the data close the script element
