@@ -92,6 +92,8 @@ def _add_ends(page: Page, result: CampaignResult) -> None:
             orientation="h",
             marker={"color": [GREEN if name == STOWED else BLUE for name, _ in ends]},
             text=[str(count) for _, count in ends],
+            textposition="outside",
+            textangle=0,
         )
     )
     figure.update_xaxes(title="missions")

@@ -18,6 +18,8 @@ from ground.report.page import BLUE, GREEN, GREY, ORANGE, RED, VIOLET
 NINETY_FIVE = 1.96
 ZOOM_S = 0.006
 """Half the stretch that is shown around take-off and touchdown."""
+BEFORE_S, AFTER_S = 0.2, 0.5
+"""What a hop's figure keeps before the fire command, and beyond the end of what is shown at first."""
 
 
 def c3_figure(hops: list[HopOutcome]) -> go.Figure:
@@ -123,8 +125,9 @@ def hop_figure(outcome: HopOutcome) -> go.Figure:
     assert outcome.hop is not None
     fire_s = outcome.hop.event_time_s("fire_command") or 0.0
     force = outcome.hop.channels["body_acceleration_m_s2"]
-    there = np.isfinite(force)
-    time_s, force = outcome.hop.times_s[there] - fire_s, force[there]
+    since_s = outcome.hop.times_s - fire_s
+    there = np.isfinite(force) & (since_s > -BEFORE_S) & (since_s < _shown_until_s(outcome) + AFTER_S)
+    time_s, force = since_s[there], force[there]
     marks = flight_marks(outcome)
     grid: list[list[dict[str, int] | None]] = [[{"colspan": 2}, None], [{}, {}]]
     figure = make_subplots(
