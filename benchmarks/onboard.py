@@ -13,7 +13,8 @@ tick takes in eight samples of each fast sensor; at 1 kHz it would be two. `tick
 the log.
 
 `growth_kb_per_hour`: slope of the resident memory while the robot hops on at 200 Hz for `--hours` of simulated time,
-the collector off as in flight, the first quarter left out.
+the collector off and the log in files as in flight, written before each tick ends, the first quarter left out. The
+simulated robot is in the same process: what grows of it counts, too.
 
 `jitter_*`: how late a task at 1 kHz wakes up in real time on this machine, with SCHED_FIFO where that is permitted.
 """
@@ -30,12 +31,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.kill import Resting
 from flight import settings as flight_settings
 from flight.background_log import BackgroundLog
 from flight.executive import fly
@@ -187,15 +190,17 @@ def growth_kb_per_hour(hours: float) -> float:
         if not points or progress.time_s - points[-1][0] >= 1.0:
             points.append((progress.time_s, _resident_kb()))
 
+    settings = flight_settings.load()
     with (
         tempfile.TemporaryDirectory() as folder,
         open_on_sand() as board,
-        BackgroundLog(McapLog(Path(folder) / "flight.mcap", {}), WAITING) as log,
+        BackgroundLog(McapLog(Path(folder) / "flight.mcap", {}, settings.log), WAITING) as log,
     ):
         gc.collect()
         gc.disable()
         mission = plan(max(2, round(hours * 3600.0 / HOP_S)))
-        result = fly(tap_board(board, log), flight_settings.load(), mission, log, watch)
+        resting = replace(board, clock=Resting(board.clock, log))
+        result = fly(tap_board(resting, log), settings, mission, log, watch)
         garbage = gc.collect()
         gc.enable()
     times, memory = np.array(points).T
@@ -271,7 +276,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--json", type=Path, help="write the figures here")
-    parser.add_argument("--hours", type=float, default=0.1, help="simulated time for the growth of memory")
+    parser.add_argument("--hours", type=float, default=1.0, help="simulated time for the growth of memory")
     parser.add_argument("--jitter-s", type=float, default=5.0, help="real time for the jitter")
     arguments = parser.parse_args()
     figures = measure(arguments.hours, arguments.jitter_s)

@@ -5,7 +5,7 @@
 | `nack` | nobody acknowledges the address | |
 | `timeout` | a clock held low until the kernel gives up | no answer |
 | `stuck` | a line of the whole bus held low | |
-| `short` | a block comes with half of its bytes | half of an answer |
+| `short` | a block comes with half of its bytes (words have no such fault) | half of an answer |
 | `crc` | bits of data turn over | bits of an answer turn over |
 | `unplug` | gone amid a read: the rest reads as ones, then nobody acknowledges | half of an answer, then none |
 | `brown_out` | once: all registers as at power-up | once: settings and count as at power-up |
@@ -14,11 +14,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hal.errors import ConfigError
 
-KINDS = ("nack", "timeout", "stuck", "short", "crc", "unplug", "brown_out")
+I2C_BLOCKS = ("nack", "timeout", "stuck", "short", "crc", "unplug", "brown_out")
+I2C_WORDS = tuple(kind for kind in I2C_BLOCKS if kind != "short")
+SERIAL = ("timeout", "short", "crc", "unplug", "brown_out")
+"""The faults of each kind of wire."""
 
 
 @dataclass
@@ -33,15 +37,17 @@ class WireFault:
 
 
 class WireFaults:
-    """The faults of one board's wires; more can be planted while it runs. Places are names of devices."""
+    """The faults of one board's wires; more can be planted while it runs."""
 
-    def __init__(self, places: tuple[str, ...]) -> None:
+    def __init__(self, places: Mapping[str, tuple[str, ...]]) -> None:
+        """`places`: names of devices, and the kinds of faults that their wires can have."""
         self._places = places
         self._faults: list[WireFault] = []
 
     def plant(self, place: str, kind: str, from_s: float, until_s: float | None = None) -> WireFault:
         """Add a fault. Raises `ConfigError` for a place or kind that does not exist."""
-        for value, known, what in ((place, self._places, "place"), (kind, KINDS, "kind")):
+        kinds = self._places.get(place, ())
+        for value, known, what in ((place, tuple(self._places), "place"), (kind, kinds, "kind")):
             if value not in known:
                 raise ConfigError(
                     f"wire faults: {what} = {value!r} is unknown; known here: {', '.join(known)}"

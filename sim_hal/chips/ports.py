@@ -12,15 +12,20 @@ from hal.raspberry_pi.settings import PiSettings
 from sim_hal.chips.accelerometers import Adxl375Chip, Lsm6dso32Chip
 from sim_hal.chips.bridge import Ls7366rChip, MockPins, PwmTree
 from sim_hal.chips.converters import Ads1x15Chip, Ina226Chip
-from sim_hal.chips.faults import WireFaults
+from sim_hal.chips.faults import I2C_BLOCKS, I2C_WORDS, SERIAL, WireFaults
 from sim_hal.chips.i2c import Chip, EmulatedBus
 from sim_hal.chips.rig import ChipRig, RigClock, RigSampler
 from sim_hal.chips.roboclaw import PLACE, RoboClawChip, ServedLine
 from sim_hal.chips.supervisor import EmulatedWatchdog, Supervisor
 
-I2C_DEVICES = ("accelerometer", "motor_current", "magnet_current", "spring")
-PLACES = (*I2C_DEVICES, PLACE)
-"""Where faults of the wire can be planted."""
+PLACES = {
+    "accelerometer": I2C_BLOCKS,
+    "motor_current": I2C_WORDS,
+    "magnet_current": I2C_WORDS,
+    "spring": I2C_WORDS,
+    PLACE: SERIAL,
+}
+"""Where faults of the wire can be planted, and which."""
 
 
 class EmulatedPorts:

@@ -8,7 +8,7 @@ from typing import Any
 from hal.config import build_settings, config_path, read_yaml
 from hal.raspberry_pi.settings import PiSettings
 from sim_hal.chips.board import EmulatedBoard, open_emulated
-from sim_hal.chips.faults import WireFaults
+from sim_hal.chips.faults import I2C_BLOCKS, WireFaults
 from sim_hal.chips.i2c import FUNCTIONS, Chip, EmulatedBus
 from sim_hal.sensors import Sample
 
@@ -50,7 +50,7 @@ class Bench:
 
     def __init__(self, funcs: Any = FUNCTIONS) -> None:
         self.time_s = 0.0
-        self.faults = WireFaults(("part",))
+        self.faults = WireFaults({"part": I2C_BLOCKS})
         self._funcs = funcs
         self._samples: list[Sample] = []
         self.value = 0.0

@@ -23,6 +23,7 @@ def run_motor(board: Board, voltage_v: float, duration_s: float, stroke: bool = 
     return board.nut_encoder.read().position_m - start_m
 
 
+@pytest.mark.device("clock")
 @pytest.mark.parametrize("time_s", [0.1, 0.100001, 1 / 3])
 def test_sleeping_reaches_the_time_and_never_goes_back(board: Board, time_s: float) -> None:
     board.clock.sleep_until_s(time_s)
@@ -32,17 +33,20 @@ def test_sleeping_reaches_the_time_and_never_goes_back(board: Board, time_s: flo
     assert board.clock.now_s() >= reached_s
 
 
+@pytest.mark.device("clock")
 @pytest.mark.parametrize("time_s", [math.nan, math.inf, -math.inf])
 def test_sleeping_until_never_is_refused(board: Board, time_s: float) -> None:
     with pytest.raises(CommandRefused):
         board.clock.sleep_until_s(time_s)
 
 
+@pytest.mark.device("motor")
 def test_positive_voltage_tensions_and_negative_goes_home(board: Board) -> None:
     assert run_motor(board, 6.0, 0.5) > 1e-4
     assert run_motor(board, -6.0, 0.5) < -1e-4
 
 
+@pytest.mark.device("motor")
 @pytest.mark.parametrize("excess_v", [1e-6, 100.0, math.inf, math.nan])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_voltage_out_of_range_is_refused_and_nothing_changes(
@@ -54,11 +58,13 @@ def test_a_voltage_out_of_range_is_refused_and_nothing_changes(
     assert abs(run_motor(board, 0.0, 0.2)) < 1e-7
 
 
+@pytest.mark.device("motor")
 def test_the_largest_voltage_is_allowed(board: Board) -> None:
     board.motor.set_voltage_v(board.motor.max_voltage_v)
     board.motor.set_voltage_v(-board.motor.max_voltage_v)
 
 
+@pytest.mark.device("magnet")
 def test_the_magnet_draws_current_only_while_it_is_on(board: Board) -> None:
     board.magnet_current.set_rate_hz(1666.0)
 
@@ -76,6 +82,7 @@ def test_the_magnet_draws_current_only_while_it_is_on(board: Board) -> None:
     assert abs(mean_a()) < 0.05
 
 
+@pytest.mark.device("watchdog")
 def test_a_starved_watchdog_cuts_all_power(board: Board) -> None:
     assert run_motor(board, 6.0, 0.3) > 1e-4
     board.magnet.switch_on()
@@ -86,25 +93,26 @@ def test_a_starved_watchdog_cuts_all_power(board: Board) -> None:
     assert abs(board.magnet_current.read().current_a[-1]) < 0.05
 
 
+@pytest.mark.device("watchdog")
 def test_a_stroked_watchdog_leaves_the_power_on(board: Board) -> None:
     assert board.watchdog.timeout_s > 0.02
     assert run_motor(board, 6.0, 5 * board.watchdog.timeout_s) > 1e-4
 
 
-@pytest.mark.parametrize("use", ["motor", "magnet"])
-def test_a_closed_actuator_has_no_power_and_takes_no_command(board: Board, use: str) -> None:
+@pytest.mark.parametrize("device", ["motor", "magnet"])
+def test_a_closed_actuator_has_no_power_and_takes_no_command(board: Board, device: str) -> None:
     run_motor(board, 6.0, 0.2)
     board.magnet.switch_on()
-    getattr(board, use).close()
-    getattr(board, use).close()
-    with pytest.raises(DeviceClosed, match=use):
-        board.motor.set_voltage_v(0.0) if use == "motor" else board.magnet.switch_off()
+    getattr(board, device).close()
+    getattr(board, device).close()
+    with pytest.raises(DeviceClosed, match=device):
+        board.motor.set_voltage_v(0.0) if device == "motor" else board.magnet.switch_off()
     start_m = board.nut_encoder.read().position_m
     end_s = board.clock.now_s() + 0.3
     while board.clock.now_s() < end_s:
         board.watchdog.stroke()
         board.clock.sleep_until_s(board.clock.now_s() + 0.02)
-    if use == "motor":
+    if device == "motor":
         assert abs(board.nut_encoder.read().position_m - start_m) < 1e-4  # it coasts to a stop
     else:
         assert abs(board.magnet_current.read().current_a[-1]) < 0.05
@@ -118,6 +126,7 @@ def test_a_command_that_is_not_acknowledged_raises(backend: Any, device: str) ->
         board.motor.set_voltage_v(1.0) if device == "motor" else board.magnet.switch_on()
 
 
+@pytest.mark.device("watchdog")
 def test_closed_watchdog_and_link_say_so(board: Board) -> None:
     board.watchdog.close()
     board.ground_link.close()
@@ -129,6 +138,7 @@ def test_closed_watchdog_and_link_say_so(board: Board) -> None:
         board.ground_link.receive()
 
 
+@pytest.mark.device("ground_link")
 def test_an_idle_link_has_no_commands(board: Board) -> None:
     board.ground_link.send("state", '{"phase": "ready"}')
     assert board.ground_link.receive() == ()

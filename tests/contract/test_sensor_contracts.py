@@ -124,6 +124,7 @@ def test_a_closed_stream_takes_no_rate(backend: Any, device: str) -> None:
         stream.set_rate_hz(backend.rates_hz[device])
 
 
+@pytest.mark.device("accelerometer")
 def test_the_accelerometer_knows_its_part(backend: Any) -> None:
     """At rest it reads what carries the body, in whole steps; its range holds a hop."""
     board = backend.board
@@ -139,17 +140,18 @@ def test_the_accelerometer_knows_its_part(backend: Any) -> None:
     assert reading.saturated == (False,) * len(steps)
 
 
-@pytest.mark.parametrize("unit", ["m", "a"])
-def test_units_stand_in_the_readings(board: Board, unit: str) -> None:
+@pytest.mark.parametrize("device", POLLED)
+def test_units_stand_in_the_readings(board: Board, device: str) -> None:
     """A nut that ran for a second at 6 V moved by millimetres; its motor draws less than an ampere."""
     start_m = board.nut_encoder.read().position_m
     last = {name: watch(board, name, board.clock.now_s() + 1.0)[-1] for name in POLLED}
-    if unit == "m":
+    if device == "nut_encoder":
         assert 1e-4 < abs(last["nut_encoder"].position_m - start_m) < 1e-2
     else:
         assert 0.0 < last["motor_current"].current_a < 1.0
 
 
+@pytest.mark.device("switches")
 def test_switches_are_read_now(board: Board) -> None:
     board.clock.sleep_until_s(0.123)
     assert board.switches.read().time_s == pytest.approx(0.123, abs=0.01)
