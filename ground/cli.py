@@ -22,7 +22,7 @@ from ground.diagnose.segments import channel_sigmas, segment_of, sigma_vector
 from ground.diagnose.verify import predict
 from ground.export_cli import dictionary_app, export_app
 from ground.files import configured
-from ground.importing import import_recording
+from ground.importing import import_recordings
 from ground.link_cli import link_app
 from ground.live.command import console_app
 from ground.mission_run import plan_mission, run_mission
@@ -39,6 +39,7 @@ from ground.recordings.loading import load_recording, load_recordings, save_reco
 from ground.recordings.model import Recording, RecordingError
 from ground.replay import replay_log
 from ground.report.diagnosis_page import verdict_sentence as diagnosis_sentence
+from ground.sampling import sampling
 from hal.config import config_path
 from hal.raspberry_pi import setup_check
 from sim_hal.plant.simulate import Plant, compile_plant, load_plant
@@ -170,13 +171,23 @@ def simulate_like(plant: Plant, recording: Recording) -> Recording:
 def import_command(
     file: Annotated[Path, typer.Argument(help="MAT or CSV file of any lab.")],
     mapping: Annotated[str, typer.Option("--map", help="Mapping file, or a name in config/imports.")],
-    out: Annotated[Path, typer.Option("--out", help="Recording to write: CSV, CSV.gz or MCAP.")],
+    out: Annotated[
+        Path, typer.Option("--out", help="Recording to write: CSV, CSV.gz or MCAP; or a folder for several.")
+    ],
 ) -> None:
-    """Turn a foreign file into a recording."""
+    """Turn a foreign file into a recording, or several, and say how evenly it was sampled."""
     with console.clear_errors():
-        recording = import_recording(file, configured("imports", mapping))
-        save_recording(recording, out)
-    console.say(f"{out}: {', '.join(recording.channels)}, {recording.times_s.size} samples")
+        found = import_recordings(file, configured("imports", mapping))
+        several = len(found) > 1 or not out.suffix
+        if several:
+            out.mkdir(parents=True, exist_ok=True)
+        for recording in found:
+            path = out / f"{recording.run}.csv.gz" if several else out
+            save_recording(recording, path)
+            channels = ", ".join(recording.channels)
+            console.say(
+                f"{path}: {channels}, {recording.times_s.size} samples; {sampling(recording.times_s)}"
+            )
 
 
 @app.command()
@@ -235,7 +246,8 @@ def read_recordings(paths: list[Path], mapping: str | None) -> tuple[Recording, 
     """Recordings as they are, or imported by a mapping."""
     if mapping is None:
         return load_recordings(paths)
-    return tuple(import_recording(path, configured("imports", mapping)) for path in paths)
+    plan = configured("imports", mapping)
+    return tuple(recording for path in paths for recording in import_recordings(path, plan))
 
 
 def mission_watcher(show: Callable[..., None], energy_j: float, hops: int) -> Callable[[Progress], None]:

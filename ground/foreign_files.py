@@ -26,6 +26,7 @@ class TableFormat:
     delimiter: str = ","
     header: bool = True
     skip_lines: int = 0
+    trailing_delimiter: bool = False
 
 
 def read_variables(path: Path, table: TableFormat) -> Mapping[str, Any]:
@@ -56,6 +57,10 @@ def _read_table(path: Path, table: TableFormat) -> Mapping[str, Any]:
     try:
         lines = text.splitlines()[table.skip_lines :]
         rows = list(csv.reader(lines, delimiter=table.delimiter, strict=True))
+        while rows and not any(cell.strip() for cell in rows[-1]):  # empty lines at the end
+            rows.pop()
+        if table.trailing_delimiter:
+            rows = [row[:-1] if row and not row[-1] else row for row in rows]
     except (csv.Error, TypeError) as error:
         raise RecordingError(
             f"{path}: is no table with {table.delimiter!r} between cells ({error})"

@@ -11,7 +11,8 @@ A mapping (examples in `config/imports/`) says where each channel comes from:
     sidecar: {rig: emps, kind: axis}    # as in recording-format; `run` is the file's name unless given
 
 `variable` is a MATLAB variable, or a column's header (its number, from 1, where `table.header` is false);
-`index` picks, from 0, a cell and then a row of a MATLAB variable; `rows` keeps a stretch of the samples.
+`index` picks, from 0, a cell and then a row of a MATLAB variable; `rows` keeps a stretch of the samples, `keep` the
+longest stretch in which a channel stays small; `split` says how a file holds several recordings.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from ground.foreign_files import TableFormat, describe_text, read_variables
+from ground.import_parts import Keep, Part, Rows, Split, kept, parts_of
 from ground.recordings.model import Floats, Recording, RecordingError, describe_bad_time, first_bad_time
 from ground.recordings.sidecar import FORMAT, check_sidecar
 from hal.config import Limits, load_settings
@@ -56,14 +58,6 @@ class TimeSource:
 
 
 @dataclass(frozen=True)
-class Rows:
-    """The samples to keep, counted from 1, both included; None is the file's last."""
-
-    first: Annotated[int, Limits(1)] = 1
-    last: Annotated[int | None, Limits(1)] = None
-
-
-@dataclass(frozen=True)
 class ImportMapping:
     """How a foreign file becomes a recording."""
 
@@ -73,10 +67,23 @@ class ImportMapping:
     sidecar: dict[str, Any]
     rows: Rows = field(default_factory=Rows)
     table: TableFormat = field(default_factory=TableFormat)
+    split: Split = field(default_factory=Split)
+    keep: Keep | None = None
 
 
 def import_recording(path: Path, mapping: Path) -> Recording:
-    """Read the foreign file `path` (.mat; .csv, .txt, .tsv, also with .gz) as the file `mapping` says.
+    """Read the foreign file `path` (.mat; .csv, .txt, .tsv, also with .gz) that holds one recording.
+
+    Raises as `import_recordings`, and `RecordingError` where the mapping finds several.
+    """
+    found = import_recordings(path, mapping)
+    if len(found) > 1:
+        raise RecordingError(f"{path} by {mapping}: holds {len(found)} recordings; one is needed here")
+    return found[0]
+
+
+def import_recordings(path: Path, mapping: Path) -> tuple[Recording, ...]:
+    """Read the recordings of the foreign file `path` as the file `mapping` says.
 
     Raises `RecordingError` for what the file or the sidecar lacks, `ConfigError` for a fault of the mapping;
     both name file and key.
@@ -86,9 +93,21 @@ def import_recording(path: Path, mapping: Path) -> Recording:
         raise ConfigError(f"{mapping}: channels is empty")
     if (plan.time.variable is None) == (plan.time.rate_hz is None):
         raise ConfigError(f"{mapping}: time must have either variable or rate_hz")
-    content = {"format": FORMAT, "run": path.name.partition(".")[0], **plan.sidecar}
+    if plan.keep is not None and plan.keep.channel not in plan.channels:
+        raise ConfigError(f"{mapping}: keep.channel = {plan.keep.channel!r} is none of the channels")
+    check_sidecar({"format": FORMAT, "run": "checked", **plan.sidecar}, f"{mapping}: sidecar")
+    parts = parts_of(path, mapping, read_variables(path, plan.table), plan.split, plan.rows)
+    return tuple(_recording(path, mapping, plan, part) for part in parts)
+
+
+def _recording(path: Path, mapping: Path, plan: ImportMapping, part: Part) -> Recording:
+    """One recording of a file."""
+    stem = path.name.partition(".")[0]
+    content: dict[str, Any] = {"format": FORMAT, "run": stem, **plan.sidecar}
+    content["run"] = f"{content['run']}{part.suffix}"
+    content["conditions"] = {**content.get("conditions", {}), **part.conditions}
     sidecar = check_sidecar(content, f"{mapping}: sidecar")
-    reader = _Reader(path, mapping, read_variables(path, plan.table), plan.rows)
+    reader = _Reader(path, mapping, part.variables, part.rows)
     channels = {name: reader.channel(name, source) for name, source in plan.channels.items()}
     first = next(iter(channels))
     times_s = reader.times_s(plan.time, channels[first].size)
@@ -96,6 +115,9 @@ def import_recording(path: Path, mapping: Path) -> Recording:
         if values.size != times_s.size:
             key = f"channels.{name}" if plan.time.variable else f"channels.{name} or channels.{first}"
             raise RecordingError(f"{path}: {key}: has {values.size} samples, the time {times_s.size}")
+    if plan.keep is not None:
+        use = kept(times_s, channels[plan.keep.channel], plan.keep, f"{path}: keep (in {mapping})")
+        times_s, channels = times_s[use], {name: values[use] for name, values in channels.items()}
     try:
         return Recording(times_s, channels, **vars(sidecar), source=path)
     except RecordingError as error:
@@ -178,4 +200,4 @@ def _shape(value: Any) -> str:
     return "×".join(str(size) for size in np.shape(value)) or "(a single value)"
 
 
-__all__ = ["ImportMapping", "import_recording"]
+__all__ = ["ImportMapping", "import_recording", "import_recordings"]

@@ -14,7 +14,7 @@ from sim_hal.plant.simulate import Plant
 
 STRENGTH_SIGMAS = 3.0
 """An effect whose strength is not this many of its own sigmas from zero is not identified."""
-WORTHWHILE = 0.01
+WORTHWHILE = 0.05
 """Least share of the remaining squared residual that an effect must remove where it was not fitted ..."""
 OF_EXCESS = 0.1
 """... or else of what exceeds the sensors' noise, ..."""
@@ -27,14 +27,15 @@ ELSEWHERE_ODDS = 0.1
 def likelihood_here(candidate: Candidate, plant: Plant) -> float:
     """Prior odds that one of several laws that act alike is the one at work here.
 
-    Something that falls meets air; any other rig with a single balance is more often a mechanism than a body in the
-    air or on soil. Further parameters cost what they cost in every comparison.
+    Something that falls (a drop, or an equation that a plant file calls ballistic) meets air; any other rig is more
+    often a mechanism than a body in the air or on soil. Further parameters cost what they cost in every comparison.
     """
     simple = OCCAM**-candidate.parameters
     home = candidate.effect.equation if isinstance(candidate, EffectCandidate) else candidate.equation
     if plant.kind in ("drive", "hop") or home == "sensor":
         return simple
-    usual = home == "ballistic" if plant.kind == "drop" else home not in ELSEWHERE
+    falls = plant.kind == "drop" or candidate.equation == "ballistic"
+    usual = home == "ballistic" if falls else home not in ELSEWHERE
     return simple if usual else ELSEWHERE_ODDS * simple
 
 

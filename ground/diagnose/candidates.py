@@ -9,11 +9,12 @@ from itertools import product
 from typing import Protocol
 
 from ground.diagnose.result import Estimate, FindingKind
-from sim_hal.plant.compose import place_units
+from sim_hal.plant.compose import compose, place_units
 from sim_hal.plant.effects.base import Form
 from sim_hal.plant.expressions import parse, to_text
 from sim_hal.plant.plant import check_use, effect_of
 from sim_hal.plant.simulate import Effect, EffectUse, Parameter, Plant, alternatives, catalogue, prior
+from sim_hal.plant.structure import PlantError
 
 Scales = Mapping[str, Mapping[str, float]]
 """By balance equation or channel: the scales F, V, X, T, M, Y that effects' ranges are written in."""
@@ -227,9 +228,22 @@ def candidate_at(effect: Effect, use: EffectUse, plant: Plant, scales: Scales) -
             for p in form.parameters
         }
         uses.append(replace(use, parameters=parameters))
-    check_use(plant, uses[0])
+    if not fits(plant, uses[0]):
+        return None
     two_sided = all(ranges[name][1] < 0.0 for name in strengths)
     return EffectCandidate(effect, plant.prefix(use), tuple(uses), strengths, two_sided)
+
+
+def fits(plant: Plant, use: EffectUse) -> bool:
+    """Whether an effect's formulas have the units of their place: a rig's position may be a voltage."""
+    check_use(plant, use)
+    try:
+        compose(plant.with_effect(use))
+    except PlantError:
+        if plant.kind in BUILT_IN:
+            raise
+        return False
+    return True
 
 
 def starts_of(start: float, low: float, high: float) -> Sequence[float]:

@@ -14,7 +14,7 @@ class Chosen:
     """An effect in the extended plant, its rivals with their weights, and what the plant is like without it.
 
     `twins` act alike on these recordings: nothing but where they usually occur speaks for one of them. `rival_fit` is
-    the plant with the closest rival in its place.
+    the plant with the closest rival in its place, `absent` that with nothing there.
     """
 
     candidate: Candidate
@@ -24,6 +24,7 @@ class Chosen:
     weights: tuple[tuple[Candidate, float], ...] = ()
     chi2_without: float = 0.0
     rival_fit: tuple[Candidate, Fit] | None = None
+    absent: Fit | None = None
 
     def outdone_by(self, left: frozenset[str]) -> tuple[Candidate, Fit] | None:
         """The closest rival with the plant that has it, where it is more probable; none of those that have `left`."""

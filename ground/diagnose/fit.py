@@ -101,7 +101,9 @@ def fit_plant(
     told apart by their tolerances alone. `approach` gives shares of each segment that are fitted first, each fit
     the start of the next: what comes early is told by few parameters, and what follows is then nearly right, where
     a fit of the whole at once may end in a false minimum. A fit `near` by (on the same segments) lends its unknowns
-    and sensitivities; a `rough` one stops where these no longer bring progress.
+    and, to a built-in kind with its many unknowns, sensitivities; a `rough` one stops where these no longer bring
+    progress. Rigs given as equations have few unknowns and often stick: their own sensitivities cost little, and
+    borrowed ones lead astray.
     """
     problem = FitProblem(plant, segments, sigmas, ranges)
     prior = np.array([1.0 if free.prior else 0.0 for free in problem.free])
@@ -121,7 +123,8 @@ def fit_plant(
         ).values
     z = problem.start((near.values if near else {}) | start, near.initial if near else ())
     low, high = bounds_of(problem.free)
-    inherited, own = lent(near, problem.free, prior) if near else (None, None)
+    borrows = near is not None and plant.kind != "equations"  # few unknowns there, and friction that sticks
+    inherited, own = lent(near, problem.free, prior) if near and borrows else (None, None)
     least = minimise(
         *(cost, slope, z, low, high),
         tolerance=tolerance,

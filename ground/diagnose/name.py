@@ -9,6 +9,7 @@ the others in place: that contest gives the probabilities.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -21,7 +22,7 @@ from ground.diagnose.chosen import Chosen, Named
 from ground.diagnose.crossval import HeldOut, cross_validate, in_sample
 from ground.diagnose.fit import Fit
 from ground.diagnose.released import released_parameters
-from ground.diagnose.scoring import effective_share, model_weights, probability_better
+from ground.diagnose.scoring import OCCAM, effective_share, model_weights, probability_better
 from ground.diagnose.screen import SEEN, Promise, promises_job, trial_job
 from ground.diagnose.workers import FitTask, Workers, fit_job
 from sim_hal.plant.simulate import Plant
@@ -69,8 +70,10 @@ class Search:
             best, refused = self.best_of(current, fits)
             if best is None:
                 break
-            self.progress(f"found {label_of(best.candidate)}")
-            current = next(fit for candidate, fit in fits if candidate is best.candidate)
+            found = next(fit for candidate, fit in fits if candidate is best.candidate)
+            share = 1.0 - found.chi2 / current.chi2
+            self.progress(f"found {label_of(best.candidate)}: {share:.1%} of what was left")
+            current = found
             chosen.append(best)
             current, chosen = self.replace_earlier(current, chosen)
         current, final = self.settled(current, chosen)
@@ -102,6 +105,12 @@ class Search:
                 changed = [self.given_way(each, rival) if each is one else each for each in final]
                 return self.settled(fit, changed, left | {one.candidate.key})
         return current, final
+
+    def again_without(self, named: Named, one: Chosen) -> Named:
+        """The end of the search once more, without one of the effects that it had chosen."""
+        assert one.absent is not None
+        fit, chosen = self.settled(one.absent, [other for other in named.chosen if other is not one])
+        return replace(named, fit=fit, chosen=chosen)
 
     def given_way(self, one: Chosen, rival: Candidate) -> Chosen:
         """An effect's place taken by one of its rivals."""
@@ -201,11 +210,15 @@ class Search:
                 able.append((candidate, scores))
         if not able:
             return None, tuple(tried)
-        weights = model_weights(np.vstack([scores for _, scores in able]), [c.parameters for c, _ in able])
+        weights = model_weights(np.vstack([scores for _, scores in able]), [self.unusual(c) for c, _ in able])
         winner = able[int(np.argmax(weights))][0]
         rivals = tuple(candidate for candidate, _ in fits if candidate is not winner)[:RIVALS]
         better = next(p for candidate, p in tried if candidate is winner)
         return Chosen(winner, better, rivals, self._twins.get(winner.key, ()), (), current.chi2), tuple(tried)
+
+    def unusual(self, candidate: Candidate) -> float:
+        """How unlikely a candidate is beforehand, in free parameters."""
+        return -math.log(likelihood_here(candidate, self.given)) / math.log(OCCAM)
 
     def held_out(self, fit: Fit) -> HeldOut:
         """How a fit predicts segments left out of it."""
@@ -267,7 +280,7 @@ class Search:
             [self.held_out(final).scores(share), *(self.held_out(f).scores(share) for _, f in close)]
         )
         names = [one.candidate, *(candidate for candidate, _ in close)]
-        weights = zip(names, map(float, model_weights(scores, [c.parameters for c in names])), strict=True)
+        weights = zip(names, map(float, model_weights(scores, list(map(self.unusual, names)))), strict=True)
         # The plant without the effect is scored on the very data it was fitted to, which can only flatter it.
         lacking = in_sample(absent, self.workers.context.segments).scores(share)
         return replace(
@@ -275,5 +288,6 @@ class Search:
             weights=tuple(sorted(weights, key=lambda item: -item[1])),
             probability_better=probability_better(scores[0], lacking),
             chi2_without=absent.chi2,
+            absent=absent,
             rival_fit=close[0] if close else None,
         )

@@ -33,5 +33,6 @@ def with_formula(named: Named, force: LocatedForce, workers: Workers) -> Named:
     if better < ACCEPT or not useful or not identified(candidate, fit, segments):
         return named
     (final,) = workers.map(fit_job, [FitTask(fit.plant, fit, fit.values, "final")])
-    chosen = Chosen(candidate, better, (), (), ((candidate, law.explained),), named.fit.chi2)
+    weights = ((candidate, law.explained),)
+    chosen = Chosen(candidate, better, (), (), weights, named.fit.chi2, absent=named.fit)
     return replace(named, fit=final, chosen=(*named.chosen, chosen))

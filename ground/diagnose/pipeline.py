@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ground.diagnose.candidates import label_of
 from ground.diagnose.chosen import Named
 from ground.diagnose.compare import compare_with
+from ground.diagnose.confirm import confirmed, holds
 from ground.diagnose.evidence import Evidence, LocatedForce
 from ground.diagnose.findings import findings_of, next_run, unexplained, verdict_of
 from ground.diagnose.fit import Fit, fit_plant
@@ -148,11 +149,13 @@ def diagnose(
         progress("locating what is missing")
         forces = locate(refit, data.windows, data.whole[0], data.sigmas, scales, workers)
         needless = withdrawals(refit, plant, workers) if plant.effects else ()
-        named = Search(workers, progress, plant).run(refit)
+        search = Search(workers, progress, plant)
+        named, failed = confirmed(search.run(refit), search, data.held_out_windows)
         if unexplained(named.fit, data.windows):
             progress("looking for a formula")
             left = locate(named.fit, data.windows, data.whole[0], data.sigmas, scales, workers)
-            named = with_formula(named, left[0], workers) if left else named
+            with_law = with_formula(named, left[0], workers) if left else named
+            named = with_law if holds(with_law, search, data.held_out_windows) else named
         if named.chosen and forces:
             typical = scales[forces[0].equation]["F"]
             task = LocateTask(
@@ -165,7 +168,10 @@ def diagnose(
     plants = {"nominal": plant, "refit": refitted, "extended": extended}
     verified = verify(plants, data.held_out_whole, data.sigmas, data.noise)
     result = conclude(data, plant, refit, named, verified, forces, plants)
-    result = replace(result, notes=(*(w.words for w in needless), *result.notes))
+    lost = (
+        f"Left out again, as what was held out is predicted no better with it: {name}." for name in failed
+    )
+    result = replace(result, notes=(*(w.words for w in needless), *lost, *result.notes))
     if reference is not None:
         compared = compare_with(reference, extended, data.held_out_whole, data.held_out_windows, data.sigmas)
         result = replace(result, details={**result.details, "reference": compared})

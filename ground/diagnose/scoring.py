@@ -60,11 +60,11 @@ def learned_scale(residuals: Float) -> Float:
     return np.asarray(np.sqrt(np.maximum(1.0, power)))
 
 
-def model_weights(scores: Float, parameters: Sequence[int], seed: int = 0) -> Float:
+def model_weights(scores: Float, parameters: Sequence[float], seed: int = 0) -> Float:
     """Probability of each model, (models,), from its block scores (models, blocks) by pseudo-BMA+.
 
     `parameters` (models,) counts the free parameters of each: a rival that holds another as a limiting case predicts
-    just as well, so the prior odds fall by `OCCAM` for each further parameter.
+    just as well, so the prior odds fall by `OCCAM` for each further parameter (and for whatever else is as unusual).
     """
     generator = np.random.Generator(np.random.PCG64(seed))
     models, count = scores.shape

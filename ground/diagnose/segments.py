@@ -20,7 +20,7 @@ from ground.diagnose.hop_masks import hop_mask
 from ground.recordings.model import Recording
 from ground.recordings.plant_run import to_run
 from sim_hal.plant.expressions import Name
-from sim_hal.plant.simulate import CompiledPlant, Plant, Run
+from sim_hal.plant.simulate import CompiledPlant, Plant, Run, SimulationError
 from sim_hal.plant.structure import FIT, State
 
 Float = NDArray[np.float64]
@@ -28,6 +28,15 @@ Float = NDArray[np.float64]
 WINDOWS_WANTED = 16
 """Windows over all recordings: enough to bootstrap over, long enough to carry the slow parts of the motion."""
 MIN_WINDOW_SAMPLES = 100
+MOST_SAMPLES = 20_000
+"""More samples than this teach a fit of few parameters nothing that is worth the wait: windows are then shortened
+(spread over the recordings as before), or thinned out where no input acts between samples."""
+NUDGES = (1.0, 1e-2, 1e-4)
+"""Changes of an open start that are tried, in its unit."""
+DIFFERENCES = (2, 3, 4, 6, 8, 12, 16)
+"""Orders of the differences that a channel's noise is read from, ..."""
+SAMPLES_PER_ORDER = 12
+"""... each as long as there are this many times as many samples."""
 MODEL_FLOOR = 2.5e-4
 """Share of a channel's range below which a model of the rig is not judged, where the sensor has no noise."""
 
@@ -87,12 +96,25 @@ def open_scales(compiled: CompiledPlant, run: Run, observed: Float) -> dict[str,
     for name, state in compiled.plant.structure.states.items():
         if not is_open(state):
             continue
-        there = compiled.run(compiled.values, head, {**start, name: start[name] + 1.0})
-        here = compiled.run(compiled.values, head, start)
-        moved = (there - here)[:count] / np.where(spread > 0.0, spread, 1.0)
+        moved = response_to(compiled, head, start, name)[:count] / np.where(spread > 0.0, spread, 1.0)
         strength = float(np.sqrt(np.mean(moved**2)))
         scales[name] = 1e-2 / strength if strength > 0.0 else 1.0
     return scales
+
+
+def response_to(compiled: CompiledPlant, run: Run, start: Mapping[str, float], state: str) -> Float:
+    """Change of the outputs, (samples, outputs), by one unit of a state at the start.
+
+    A unit may be far more than the rig can bear (a metre of a tank's level): then a part of it is tried.
+    """
+    here = compiled.run(compiled.values, run, start)
+    for part in NUDGES:
+        try:
+            there = compiled.run(compiled.values, run, {**start, state: start[state] + part})
+        except SimulationError:
+            continue
+        return (there - here) / part
+    return np.zeros_like(here)
 
 
 def is_open(state: State) -> bool:
@@ -114,15 +136,37 @@ def segments_to_fit(
     cut = plant.kind == "equations" and all(map(is_open, compiled.plant.structure.states.values()))
     if not cut:
         return tuple(segment_of(recording, plant, compiled) for recording in recordings)
-    segments: list[Segment] = []
+    parts = windows_of(recordings)
+    samples = sum(part.times_s.size for part in parts)
+    if samples > MOST_SAMPLES:
+        share = MOST_SAMPLES / samples
+        parts = [
+            shortened(part, share) if plant.structure.inputs else thinned_out(part, share) for part in parts
+        ]
+    return tuple(segment_of(part, plant, compiled) for part in parts)
+
+
+def windows_of(recordings: Sequence[Recording]) -> list[Recording]:
+    """Recordings cut into windows of equal length, each anchored anew."""
+    parts = []
     per_recording = math.ceil(WINDOWS_WANTED / len(recordings))
     for recording in recordings:
         count = max(1, min(per_recording, recording.times_s.size // MIN_WINDOW_SAMPLES))
         edges = np.linspace(0, recording.times_s.size, count + 1).round().astype(int)
-        for start, stop in itertools.pairwise(edges):
-            part = cut_recording(recording, int(start), int(stop))
-            segments.append(segment_of(part, plant, compiled))
-    return tuple(segments)
+        parts += [cut_recording(recording, int(a), int(b)) for a, b in itertools.pairwise(edges)]
+    return parts
+
+
+def shortened(recording: Recording, share: float) -> Recording:
+    """The first `share` of a window: an input acts between samples, so none may be left out in between."""
+    return cut_recording(recording, 0, max(MIN_WINDOW_SAMPLES, int(share * recording.times_s.size)))
+
+
+def thinned_out(recording: Recording, share: float) -> Recording:
+    """Every n-th sample of a run without inputs, about `share` of them."""
+    every = slice(0, None, math.ceil(1.0 / share))
+    channels = {name: values[every] for name, values in recording.channels.items()}
+    return replace(recording, times_s=recording.times_s[every], channels=channels)
 
 
 def channel_sigmas(
@@ -166,11 +210,20 @@ def _stated_sigma(recording: Recording, plant: Plant, channel: str) -> float | N
 
 
 def _scatter(pieces: Sequence[Float]) -> float:
-    """White-noise level by second differences (von Neumann): var(d2) = 6 sigma**2. Robust by the median."""
-    differences = np.concatenate([np.diff(piece[np.isfinite(piece)], 2) for piece in pieces])
-    if differences.size == 0:
-        return 0.0
-    return float(np.median(np.abs(differences)) / 0.6745 / math.sqrt(6.0))
+    """White-noise level by differences (von Neumann), robust by the median.
+
+    Differences of order d let white noise of unit variance through with variance (2d over d). A signal that moves
+    fast between samples passes those of low order, ever less of it those of high order: the least estimate counts.
+    """
+    seen = [piece[np.isfinite(piece)] for piece in pieces]
+    count = sum(piece.size for piece in seen)
+    estimates = []
+    for order in DIFFERENCES:
+        differences = np.concatenate([np.diff(piece, order) for piece in seen])
+        if differences.size and (order == DIFFERENCES[0] or order * SAMPLES_PER_ORDER <= count):
+            gain = math.sqrt(math.comb(2 * order, order))
+            estimates.append(float(np.median(np.abs(differences))) / 0.6745 / gain)
+    return min(estimates, default=0.0)
 
 
 def sigma_vector(sigmas: Mapping[str, float], output_names: Sequence[str]) -> Float:

@@ -9,7 +9,7 @@ from sim_hal.plant.effects import catalogue
 from sim_hal.plant.effects.base import Effect, Form
 from sim_hal.plant.effects.unlisted import PHYSICS_ID, unlisted
 from sim_hal.plant.structure import Balance, PlantError, Structure
-from sim_hal.plant.units import channel_unit
+from sim_hal.plant.units import channel_unit, dimension
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,10 @@ class Plant:
             channels = self.structure.outputs
             return tuple((effect.equation, name) for name in channels if self.form(effect, None, name))
         home = self.balance(effect, effect.equation)
-        if home is not None or not effect.mechanical:
+        free = (
+            self.kind == "equations" and effect.mechanical
+        )  # equations of other rigs have names of their own
+        if (home is not None or not effect.mechanical) and not free:
             form = self.form(effect, home)
             if form is None or (needs_balance(form) and not enters(home)):
                 return ()
@@ -152,9 +155,10 @@ class Plant:
         )
 
     def _moves(self, effect: Effect, balance: Balance) -> bool:
-        """Whether a mechanical effect can act in this balance."""
-        units = ("N",) if effect.along_line else ("N", "N*m")
-        moves = balance.unit in units and balance.port is None and balance.velocity is not None
+        """Whether a mechanical effect can act in this balance; another rig's position may well be a voltage."""
+        turns_or_shifts = balance.unit in ("N", "N*m") or self.kind == "equations"
+        right = dimension(balance.unit) == dimension("N") if effect.along_line else turns_or_shifts
+        moves = right and balance.port is None and balance.velocity is not None
         return moves and self.form(effect, balance) is not None
 
 
