@@ -16,6 +16,8 @@ from sim_hal.plant.simulate import Plant
 
 Float = NDArray[np.float64]
 
+MUCH_WORSE = 2.0
+"""Residuals this many times larger under the finer integration mean that it did not get through."""
 LEAST_INFORMATION = 1e-12
 """Smallest eigenvalue of a scaled information matrix that counts as known."""
 
@@ -136,7 +138,9 @@ def fit_plant(
     z, residuals, jacobian = least.z, least.residuals[:rows], least.jacobian[:rows]
     if precise:
         exact = FitProblem(plant, segments, sigmas, ranges, tolerance=PRECISE_TOLERANCE)
-        residuals, jacobian = exact.residuals(z), exact.precise_sensitivities(z)
+        closer = exact.residuals(z)
+        if float(closer @ closer) <= MUCH_WORSE * float(residuals @ residuals) + rows:  # it got through
+            residuals, jacobian = closer, exact.precise_sensitivities(z)
     sigma = np.sqrt(np.diag(robust_covariance(jacobian, residuals, prior, problem.segments)))
     named = [i for i, free in enumerate(problem.free) if free.segment is None]
     return Fit(

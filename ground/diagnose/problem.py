@@ -219,10 +219,11 @@ def limited(plant: Plant, segments: Sequence[Segment], tolerance: float) -> Comp
     """The plant ready for a fit, with a limit on stiff guesses.
 
     A candidate whose start makes the equations so stiff that they take hundreds of steps a sample would hold up all
-    others; such a simulation counts as blown up.
+    others; such a simulation counts as blown up. Steps are of order 4: finer ones may be as many more.
     """
     compiled = compile_plant(plant, relative_tolerance=tolerance)
-    most = STEPS_PER_SAMPLE * max(segment.samples for segment in segments) + 10_000
+    finer = max(1.0, (TOLERANCE / tolerance) ** 0.25)
+    most = int(finer * STEPS_PER_SAMPLE) * max(segment.samples for segment in segments) + 10_000
     return replace(compiled, tolerances=compiled.tolerances._replace(steps=most))
 
 

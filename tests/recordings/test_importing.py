@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from recording_samples import SHARED
 from scipy.io import loadmat, savemat
 
-from ground.importing import import_recording
+from ground.importing import import_recording, import_recordings
 from ground.matlab_files import read_mat
 from ground.recordings import Recording, RecordingError, load_recording, save_recording
+from ground.sampling import sampling
 from hal.config import config_path
 from hal.errors import ConfigError
 
@@ -288,3 +289,80 @@ def test_the_mapping_of_emps_gives_its_motor_force_and_position(tmp_path: Path) 
     assert recording.sensors["position_m"].resolution == 5e-8
     saved = save_recording(recording, tmp_path / "emps.csv.gz")
     assert load_recording(saved).same_content(recording)
+
+
+DROPS = """ball,drop,t,h
+Tennis Ball,1,0,2
+Tennis Ball,1,1,1
+Tennis Ball,2,0,4
+Golf,1,0,3
+Golf,1,1,2
+Tennis Ball,2,1,0
+"""
+
+
+def test_columns_tell_the_recordings_of_a_table_apart(tmp_path: Path) -> None:
+    mapping = plan(
+        time={"variable": "t"}, channels={"height_m": {"variable": "h"}}, split={"by": ["ball", "drop"]}
+    )
+    (tmp_path / "mapping.yaml").write_text(yaml.safe_dump(mapping))
+    (tmp_path / "drops.csv").write_text(DROPS)
+    found = import_recordings(tmp_path / "drops.csv", tmp_path / "mapping.yaml")
+    assert [r.run for r in found] == ["drops_tennis_ball_1", "drops_tennis_ball_2", "drops_golf_1"]
+    np.testing.assert_array_equal(found[1].channels["height_m"], [4.0, 0.0])
+    assert found[2].conditions == {"ball": "Golf", "drop": 1.0}
+    with pytest.raises(RecordingError, match="holds 3 recordings; one is needed"):
+        import_recording(tmp_path / "drops.csv", tmp_path / "mapping.yaml")
+
+
+def test_cells_and_stretches_tell_recordings_apart(tmp_path: Path) -> None:
+    path, mapping = saved_mat(tmp_path)
+    content = mat_plan(variable="runs", index=[1])
+    mapping.write_text(yaml.safe_dump({**content, "split": {"cells": "runs"}}))
+    found = import_recordings(path, mapping)
+    assert [r.run for r in found] == ["a_1", "a_2"]
+    np.testing.assert_array_equal(found[1].channels["phi_rad"], [9.0, 10.0, 11.0])
+    rows = {"start": {"last": 2}, "end": {"first": 2}}
+    mapping.write_text(yaml.safe_dump({**mat_plan(variable="t"), "split": {"rows": rows}}, sort_keys=False))
+    found = import_recordings(path, mapping)
+    assert [(r.run, r.times_s.tolist()) for r in found] == [("a_start", [0.0, 1.0]), ("a_end", [1.0, 2.0])]
+
+
+@pytest.mark.parametrize(
+    ("split", "error", "says"),
+    [
+        ({"cells": "t"}, RecordingError, r"split\.cells .*'t' is no cell array"),
+        ({"by": ["ball"]}, RecordingError, r"split\.by .*no column 'ball'; it has t, runs"),
+        ({"by": ["t"], "cells": "runs"}, ConfigError, "split takes one of by, cells, rows"),
+    ],
+)
+def test_a_split_that_does_not_fit_is_refused(
+    tmp_path: Path, split: dict[str, Any], error: type[Exception], says: str
+) -> None:
+    path, mapping = saved_mat(tmp_path)
+    mapping.write_text(yaml.safe_dump({**mat_plan(variable="t"), "split": split}))
+    with pytest.raises(error, match=says):
+        import_recordings(path, mapping)
+
+
+def test_the_longest_quiet_stretch_is_kept(tmp_path: Path) -> None:
+    heard = [9, 9, 1, 9, 9, 1, -1, 1, 0, 9]
+    text = "t,a\n" + "".join(f"{0.1 * i:.1f},{a}\n" for i, a in enumerate(heard))
+    mapping = plan(time={"variable": "t"}, channels={"a_m_s2": {"variable": "a"}})
+    keep = {"channel": "a_m_s2", "below": 2.0, "shortest_s": 0.25, "lead_s": 0.11, "trim_s": 0.05}
+    recording = imported(tmp_path, {**mapping, "keep": keep}, content=text)
+    np.testing.assert_allclose(recording.times_s, [0.4, 0.5, 0.6, 0.7])
+    with pytest.raises(
+        RecordingError, match=r"no stretch of 0\.5 s .* stays below 2; the longest lasts 0\.3 s"
+    ):
+        imported(tmp_path, {**mapping, "keep": {**keep, "shortest_s": 0.5}}, content=text)
+    with pytest.raises(ConfigError, match=r"keep\.channel = 'b_m' is none of the channels"):
+        imported(tmp_path, {**mapping, "keep": {**keep, "channel": "b_m"}}, content=text)
+
+
+def test_the_way_of_sampling_is_told_in_words() -> None:
+    even = np.arange(0.0, 1.0, 0.01)
+    assert sampling(even) == "100 samples/s over 0.99 s"
+    gap = np.delete(even, slice(50, 53))
+    assert sampling(gap).endswith(", 1 gaps, the longest of 0.04 s at 0.49 s")
+    assert "uneven by" in sampling(even + 0.002 * np.sin(np.arange(even.size)))
