@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.candidates import label_of
+from ground.diagnose.chosen import Chosen, Named
 from ground.diagnose.fit import Fit
-from ground.diagnose.name import Chosen, Named, Search
+from ground.diagnose.name import Search
 from ground.diagnose.scoring import probability_better
 from ground.diagnose.segments import Segment
 from ground.diagnose.verify import predict
