@@ -171,6 +171,14 @@ class FiringModel(RuleBasedStateMachine):
             setattr(robot, what, True)
         self.well = False
 
+    @rule(what=st.sampled_from([*SENSORS, "shakes", "log_failed", "slip", "lock"]))
+    def fire_though_something_went_wrong_since_arming(self, what: str) -> None:
+        self.tick(("arm", True))
+        self.wait(0.3)
+        self.something_goes_wrong(what)
+        self.wait(0.05)  # until a reading that does not come is too old, and no monitor has tripped
+        self.tick(("fire", True))
+
     @rule()
     def all_is_well_again(self) -> None:
         self.robot.silent_since_s.clear()
@@ -184,7 +192,10 @@ class FiringModel(RuleBasedStateMachine):
 
 
 MODEL_RUNS = hypothesis_settings(max_examples=40, stateful_step_count=15, deadline=None, derandomize=True)
-QUICK = hypothesis_settings(MODEL_RUNS, phases=[HypothesisPhase.generate], max_examples=200)
+# What is broken on purpose shows in few steps; many short runs find it sooner than a few long ones.
+QUICK = hypothesis_settings(
+    MODEL_RUNS, phases=[HypothesisPhase.generate], max_examples=500, stateful_step_count=4
+)
 FiringModel.TestCase.settings = MODEL_RUNS
 TestFiringModel = FiringModel.TestCase
 
