@@ -16,7 +16,9 @@ the log.
 the collector off and the log in files as in flight, written before each tick ends, the first quarter left out. The
 simulated robot is in the same process: what grows of it counts, too.
 
-`jitter_*`: how late a task at 1 kHz wakes up in real time on this machine, with SCHED_FIFO where that is permitted.
+`loop_late_*`: how late the ticks of the flight software begin in real time on this machine, with SCHED_FIFO where
+that is permitted: the first `--jitter-s` seconds of a mission, its readings from a record. `jitter_*`: the same of a
+task at 1 kHz that does nothing but wait.
 """
 
 from __future__ import annotations
@@ -24,7 +26,6 @@ from __future__ import annotations
 import argparse
 import gc
 import json
-import os
 import resource
 import subprocess
 import sys
@@ -36,23 +37,27 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.kill import Resting
+from benchmarks.real_time import (
+    FLOATS,
+    histogram,
+    jitter_us,
+    loop_late_us,
+    open_on_sand,
+    plan,
+    real_time,
+    recorded,
+)
 from flight import settings as flight_settings
 from flight.background_log import BackgroundLog
 from flight.executive import fly
 from flight.log import McapLog
-from flight.mission import HopPlan, MissionPlan
 from hal.board import Board
 from hal.calls import board_calls
-from hal.config import config_path, read_yaml
 from hal.log import NullLog
-from hal.raspberry_pi.clock import MonotonicClock
 from hal.tap import tap_board
-from sim_hal.board import SimBoard, open_sim
 
-FLOATS = NDArray[np.float64]
 STARTS = 5
 WAITING = 1_000_000
 """Messages that may wait: this machine simulates faster than a log of a flight in real time has to be."""
@@ -149,18 +154,6 @@ class _TickClock:
         self._meter.wait(self._clock.sleep_until_s, time_s)
 
 
-def plan(hops: int) -> MissionPlan:
-    """Hops of 6 J off sand."""
-    return MissionPlan("onboard", (HopPlan(6.0, "quartz_sand"),) * hops)
-
-
-def open_on_sand() -> SimBoard:
-    """The simulated robot on sand."""
-    settings = read_yaml(config_path("boards", "sim.yaml"))
-    settings["spots"] = [{"surface": "quartz_sand", "foot": 1, "tilt_deg": 0.0}]
-    return open_sim(settings)
-
-
 def ticks(logged: bool) -> FLOATS:
     """Processor time of each tick [us] of a mission of one hop."""
     with tempfile.TemporaryDirectory() as folder, open_on_sand() as board:
@@ -217,36 +210,6 @@ def _resident_kb() -> float:
     return pages * resource.getpagesize() / 1024.0
 
 
-def jitter_us(duration_s: float) -> tuple[FLOATS, str]:
-    """How late a sleeper at 1 kHz wakes [us], and by which scheduler."""
-    scheduler = "SCHED_FIFO"
-    before = os.sched_getscheduler(0), os.sched_getparam(0)
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))
-    except PermissionError:
-        scheduler = "the usual scheduler (SCHED_FIFO is not permitted)"
-    clock, late = MonotonicClock(), []
-    gc.disable()
-    due_s = clock.now_s()
-    for _ in range(round(duration_s * 1000.0)):
-        due_s += 1e-3
-        clock.sleep_until_s(due_s)
-        late.append(1e6 * (clock.now_s() - due_s))
-    gc.enable()
-    os.sched_setscheduler(0, *before)
-    return np.array(late), scheduler
-
-
-def histogram(late_us: FLOATS) -> str:
-    """Counts by lateness, as text."""
-    edges = [0.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 5000.0, np.inf]
-    counts, _ = np.histogram(late_us, edges)
-    return "\n".join(
-        f"  {low:6.0f} to {high:6.0f} us  {count:7d}  {'#' * round(50 * count / late_us.size)}"
-        for low, high, count in zip(edges, edges[1:], counts, strict=False)
-    )
-
-
 def measure(hours: float, jitter_s: float) -> dict[str, tuple[float, str]]:
     """All figures: value and unit by name."""
     figures: dict[str, tuple[float, str]] = {}
@@ -262,11 +225,15 @@ def measure(hours: float, jitter_s: float) -> dict[str, tuple[float, str]]:
     figures["evaluation_ms"] = (float(logged[-1]) / 1e3, "ms")
     figures["tick_no_log_us_median"] = (float(np.median(ticks(logged=False))), "us")
     figures["growth_kb_per_hour"] = (growth_kb_per_hour(hours), "kB/h")
-    late_us, scheduler = jitter_us(jitter_s)
-    print(f"  a sleeper at 1 kHz for {jitter_s:g} s under {scheduler} wakes late by:")
-    print(histogram(late_us))
-    figures["jitter_us_median"] = (float(np.median(late_us)), "us")
-    figures["jitter_us_p999"] = (float(np.percentile(late_us, 99.9)), "us")
+    messages = recorded(jitter_s)
+    with real_time() as scheduler:
+        measured = {"loop_late": loop_late_us(messages), "jitter": jitter_us(jitter_s)}
+    for name, what in (("loop_late", "the flight software at 200 Hz"), ("jitter", "a sleeper at 1 kHz")):
+        late_us = measured[name]
+        print(f"  {what}, {late_us.size} ticks under {scheduler}, is late by:")
+        print(histogram(late_us))
+        figures[f"{name}_us_median"] = (float(np.median(late_us)), "us")
+        figures[f"{name}_us_p999"] = (float(np.percentile(late_us, 99.9)), "us")
     return figures
 
 
