@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.hop_peers import MuJoCoHop, Rig, by_scipy
-from benchmarks.onboard import open_on_sand, plan
+from benchmarks.real_time import open_on_sand, plan
 from flight import settings as flight_settings
 from flight.executive import fly
 from hal.config import config_path
