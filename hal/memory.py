@@ -19,17 +19,21 @@ class VolatileMemory:
 
     def __init__(self) -> None:
         self._text = ""
+        self._closed = False
 
     def read(self) -> str:
         """The newest record; empty when there is none."""
+        _require_open(self._closed)
         return self._text
 
     def write(self, text: str) -> None:
         """Keep this record instead."""
+        _require_open(self._closed)
         self._text = text
 
     def close(self) -> None:
-        """Nothing to do."""
+        """No more reading or writing. May be called again."""
+        self._closed = True
 
 
 class FileMemory:
@@ -41,7 +45,7 @@ class FileMemory:
 
     def read(self) -> str:
         """The newest record; empty when there never was one. Raises `ReadFailed` when it is damaged."""
-        self._require_open()
+        _require_open(self._closed)
         try:
             data = self._path.read_bytes()
         except FileNotFoundError:
@@ -55,7 +59,7 @@ class FileMemory:
 
     def write(self, text: str) -> None:
         """Keep this record instead; returns when it is on the medium. Raises `DeviceError` when it cannot."""
-        self._require_open()
+        _require_open(self._closed)
         body, part = text.encode(), self._path.with_name(f".{self._path.name}.new")
         try:
             with part.open("wb") as stream:
@@ -75,9 +79,10 @@ class FileMemory:
         """No more reading or writing. May be called again."""
         self._closed = True
 
-    def _require_open(self) -> None:
-        if self._closed:
-            raise DeviceClosed("memory: used after it was closed")
+
+def _require_open(closed: bool) -> None:
+    if closed:
+        raise DeviceClosed("memory: used after it was closed")
 
 
 def _check(body: bytes) -> bytes:

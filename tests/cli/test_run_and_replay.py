@@ -109,3 +109,15 @@ def test_ctrl_c_names_the_log_that_it_keeps(tmp_path: Path, monkeypatch: pytest.
     log = tmp_path / "out.stopped" / "flight.mcap"
     assert f"stopped; the log of the flight is kept: {log}" in result.stderr
     assert done("replay", log).endswith("the replay is the same, bit for bit\n")
+
+
+def test_a_mission_through_the_real_drivers_is_flown_and_replayed_by_the_same_commands(
+    tmp_path: Path,
+) -> None:
+    options = ("--references", "0", "--hops", "1", "--energy-j", "0.8", "--out", tmp_path / "out")
+    printed = done("run", "--board", "raspberry_pi_emulated", *options)
+    assert "All 1 hops were made, and the robot is stowed" in printed
+    content = json.loads((tmp_path / "out" / "mission.json").read_text(encoding="utf-8"))
+    assert content["board"] == "raspberry_pi_emulated"
+    printed = done("replay", tmp_path / "out" / "flight.mcap")
+    assert printed.endswith("the replay is the same, bit for bit\n")
