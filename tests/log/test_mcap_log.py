@@ -121,7 +121,7 @@ def test_the_containers_own_reader_finds_topics_schemas_and_metadata(tmp_path: P
     assert schema is not None
     assert schema.encoding == "jsonschema"
     described = json.loads(schema.data)["properties"]
-    assert described["result"]["properties"]["current_a"] == {"type": "number"}
+    assert described["result"]["properties"]["current_a"] == {"type": "number", "description": "A"}
     content = json.loads(message.data)
     assert set(content) <= set(described) | {"error"}
     assert message.log_time == round(content["log_time_s"] * 1e9)
