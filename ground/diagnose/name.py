@@ -17,57 +17,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.accept import identified, likelihood_here, worthwhile
-from ground.diagnose.candidates import Candidate, effect_candidates, label_of
+from ground.diagnose.candidates import Candidate, label_of
 from ground.diagnose.chosen import Chosen, Named
-from ground.diagnose.crossval import HeldOut, cross_validate, in_sample
+from ground.diagnose.crossval import in_sample
 from ground.diagnose.fit import Fit
-from ground.diagnose.released import released_parameters
-from ground.diagnose.scoring import OCCAM, effective_share, model_weights, probability_better
-from ground.diagnose.screen import SEEN, Promise, promises_job, trial_job
-from ground.diagnose.workers import FitTask, Workers, fit_job
-from sim_hal.plant.simulate import Plant
+from ground.diagnose.scoring import OCCAM, model_weights, probability_better
+from ground.diagnose.screen import Promise
+from ground.diagnose.trials import HOPELESS, RIVALS, Fitted, Trials
+from ground.diagnose.workers import FitTask
 
 Float = NDArray[np.float64]
 Progress = Callable[[str], None]
-Fitted = list[tuple[Candidate, Fit]]
+Branch = tuple[Fit, list[Chosen]]
 
 ACCEPT = 0.95
-TRIED = 16
-"""Starts whose promise is put to the test by one simulation."""
-SCREENED = 6
-"""Candidates that get a full fit in each round."""
-STARTS = 2
-"""Starts of each candidate that are fitted at the most."""
-RIVALS = 3
-"""Rivals of the best candidate that are compared with it, and that may replace it later."""
 MOST_EFFECTS = 6
 NEEDLESS = 0.5
 """An effect leaves when the plant without it, fitted anew, is this likely to predict as well."""
 CLEARLY = 0.9
 """A rival replaces an effect when its chi-square is below this share of the present one's."""
-HOPELESS = 30.0
-"""A candidate this many units of log density behind the best is no rival."""
-SAME = 0.9999
-"""Two candidates whose effects on the residuals correlate this closely cannot be told apart by these recordings."""
+FAR_BETTER = 0.8
+"""A candidate that does not predict best is followed as well when its chi-square is below this share of the
+best one's."""
 
 
-class Search:
+class Search(Trials):
     """Forward selection of effects on given segments, with replacement."""
 
-    def __init__(self, workers: Workers, progress: Progress, given: Plant) -> None:
-        self.workers = workers
-        self.progress = progress
-        self.given = given
-        self._twins: dict[str, tuple[Candidate, ...]] = {}
-        self._screened: list[Promise] = []
-
     def run(self, refit: Fit) -> Named:
-        """Add effects one by one until none predicts better."""
-        current = refit
-        chosen: list[Chosen] = []
+        """Add effects one by one until none predicts better; where another start fits far better, from there too."""
+        named, passed_over = self.follow(refit, [])
+        if passed_over is None:
+            return named
+        self.progress(f"going back to {label_of(passed_over[1][-1].candidate)}")
+        other, _ = self.follow(*passed_over)
+        return self.better_of(named, other)
+
+    def follow(self, current: Fit, chosen: list[Chosen]) -> tuple[Named, Branch | None]:
+        """From a plant with some effects to the end; and the first branch that was not taken."""
+        passed_over: Branch | None = None
         while True:
             fits = self.fit_best(current) if len(chosen) < MOST_EFFECTS else []
             best, refused = self.best_of(current, fits)
+            passed_over = passed_over or self.other_branch(current, chosen, fits, best, refused)
             if best is None:
                 break
             found = next(fit for candidate, fit in fits if candidate is best.candidate)
@@ -77,7 +69,47 @@ class Search:
             chosen.append(best)
             current, chosen = self.replace_earlier(current, chosen)
         current, final = self.settled(current, chosen)
-        return Named(current, final, refused, tuple(self._screened))
+        return Named(current, final, refused, tuple(self._screened)), passed_over
+
+    def other_branch(
+        self,
+        current: Fit,
+        chosen: Sequence[Chosen],
+        fits: Fitted,
+        best: Chosen | None,
+        tried: Sequence[tuple[Candidate, float]],
+    ) -> Branch | None:
+        """The plant with the candidate that fits far better than what was taken, though it does not predict so.
+
+        An effect alone may predict badly what a second one, not known yet, has shaped as well.
+        """
+        if not fits or (best is not None and best.candidate is fits[0][0]):
+            return None
+        taken = current if best is None else next(fit for c, fit in fits if c is best.candidate)
+        candidate, fit = fits[0]
+        if fit.chi2 > FAR_BETTER * taken.chi2:
+            return None
+        if not identified(candidate, fit, self.workers.context.segments):
+            return None
+        rivals = tuple(c for c, _ in fits[1 : RIVALS + 1])
+        twins = self._twins.get(candidate.key, ())
+        return fit, [
+            *chosen,
+            Chosen(
+                candidate,
+                next(better for c, better in tried if c is candidate),
+                rivals,
+                twins,
+                (),
+                current.chi2,
+            ),
+        ]
+
+    def better_of(self, one: Named, other: Named) -> Named:
+        """The other one only where it is sure to predict better."""
+        share = self.share(min(one.fit, other.fit, key=lambda fit: fit.chi2))
+        first, second = (self.held_out(named.fit).scores(share) for named in (one, other))
+        return other if other.chosen and probability_better(second, first) >= ACCEPT else one
 
     def settled(
         self, current: Fit, chosen: Sequence[Chosen], left: frozenset[str] = frozenset()
@@ -117,78 +149,6 @@ class Search:
         others = tuple(c for c in (one.candidate, *one.rivals) if c is not rival)
         return replace(one, candidate=rival, rivals=others, twins=self._twins.get(rival.key, ()))
 
-    def fitted(self, tasks: Sequence[FitTask]) -> list[Fit]:
-        """Fits in the order of the tasks."""
-        return list(self.workers.map(fit_job, tasks))
-
-    def fit_best(self, current: Fit) -> Fitted:
-        """The candidates that the residuals ask for most, each fitted with the plant as it stands, best first."""
-        self.progress("screening all effects")
-        leaders = self.leaders(current)
-        names = dict.fromkeys(label_of(promise.candidate) for promise in leaders)
-        if not leaders:
-            return []
-        self.progress(f"fitting {', '.join(names)}")
-        tasks = [FitTask(p.candidate.joined(current.plant, p.start), current, p.values) for p in leaders]
-        best: dict[str, tuple[Candidate, Fit]] = {}
-        for promise, fit in zip(leaders, self.fitted(tasks), strict=True):
-            key = promise.candidate.key
-            if key not in best or fit.cost < best[key][1].cost:
-                best[key] = (promise.candidate, fit)
-        return self.polished(sorted(best.values(), key=lambda pair: pair[1].chi2))
-
-    def polished(self, fits: Fitted) -> Fitted:
-        """The best fit and its rivals with sensitivities of their own, best first; the hopeless as they are."""
-        if not fits:
-            return []
-        share = self.share(fits[0][1])
-        least = self.total(fits[0][1], fits[0][1], share)
-        close = [pair for pair in fits if self.total(pair[1], fits[0][1], share) > least - HOPELESS]
-        close = close[: RIVALS + 1]
-        tasks = [FitTask(fit.plant, fit, fit.values, "polish") for _, fit in close]
-        done = [(candidate, fit) for (candidate, _), fit in zip(close, self.fitted(tasks), strict=True)]
-        rest = [pair for pair in fits if all(pair[0] is not candidate for candidate, _ in close)]
-        return sorted(done, key=lambda pair: pair[1].chi2) + rest
-
-    def leaders(self, current: Fit) -> list[Promise]:
-        """The most promising starts of the most promising candidates; twins are set aside with their likes."""
-        offered: list[Candidate] = [
-            *effect_candidates(current.plant, self.workers.context.scales),
-            *released_parameters(current.plant, self.given),
-        ]
-        self._screened = self.promises(current, offered)
-        kept: dict[str, list[Promise]] = {}
-        for promise in self.without_twins(self.tested(current, self._screened)):
-            own = kept.setdefault(promise.candidate.key, [])
-            if len(own) < STARTS:
-                own.append(promise)
-        return [promise for own in list(kept.values())[:SCREENED] for promise in own]
-
-    def promises(self, current: Fit, offered: Sequence[Candidate]) -> list[Promise]:
-        """What every start of each candidate promises."""
-        parts = 2 * self.workers.count
-        chunks: list[tuple[Fit, Sequence[Candidate]]] = [(current, offered[i::parts]) for i in range(parts)]
-        return [promise for some in self.workers.map(promises_job, chunks) for promise in some]
-
-    def tested(self, current: Fit, promises: Sequence[Promise]) -> list[Promise]:
-        """The best promises after one simulation each, best first."""
-        seen = sorted((p for p in promises if p.gain > SEEN), key=lambda p: -p.gain)[:TRIED]
-        tried = self.workers.map(trial_job, [(current, promise) for promise in seen])
-        return sorted(tried, key=lambda p: -p.gain)
-
-    def without_twins(self, ranked: Sequence[Promise]) -> list[Promise]:
-        """Of candidates that act alike the likeliest one; the others are remembered as its twins."""
-        kept: list[Promise] = []
-        for promise in sorted(ranked, key=lambda p: -likelihood_here(p.candidate, self.given)):
-            like = next((p for p in kept if abs(p.direction @ promise.direction) > SAME), None)
-            if like is None or like.candidate.key == promise.candidate.key:
-                kept.append(promise)
-                continue
-            twins = self._twins.get(like.candidate.key, ())
-            if all(promise.candidate.key != twin.key for twin in twins):
-                self._twins[like.candidate.key] = (*twins, promise.candidate)
-        return sorted(kept, key=lambda p: -p.gain)
-
     def best_of(
         self, current: Fit, fits: Fitted
     ) -> tuple[Chosen | None, tuple[tuple[Candidate, float], ...]]:
@@ -219,20 +179,6 @@ class Search:
     def unusual(self, candidate: Candidate) -> float:
         """How unlikely a candidate is beforehand, in free parameters."""
         return -math.log(likelihood_here(candidate, self.given)) / math.log(OCCAM)
-
-    def held_out(self, fit: Fit) -> HeldOut:
-        """How a fit predicts segments left out of it."""
-        return cross_validate(fit, self.workers.context.segments)
-
-    def share(self, fit: Fit) -> Float:
-        """Effective samples per sample, by output, as the residuals of the best fit tell them."""
-        return effective_share(fit.residuals.reshape(-1, self.workers.context.segments[0].observed.shape[1]))
-
-    def total(self, fit: Fit, best: Fit, share: Float) -> float:
-        """Log density of a fit's residuals at the scale of the best fit's."""
-        segments = self.workers.context.segments
-        scale = in_sample(best, segments).scale
-        return float(np.sum(in_sample(fit, segments).scores(share, scale)))
 
     def replace_earlier(self, current: Fit, chosen: list[Chosen]) -> tuple[Fit, list[Chosen]]:
         """Let a rival take the place of an effect that joined earlier, where the plant then fits clearly better."""

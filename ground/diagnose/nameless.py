@@ -26,7 +26,8 @@ def with_formula(named: Named, force: LocatedForce, workers: Workers) -> Named:
     start = FitTask(candidate.joined(named.fit.plant), named.fit, {}, "polish")
     (fit,) = workers.map(fit_job, [start])
     share = effective_share(fit.residuals.reshape(-1, segments[0].observed.shape[1]))
-    before, after = cross_validate(named.fit, segments), cross_validate(fit, segments)
+    sigmas = workers.context.sigmas
+    before, after = (cross_validate(each, segments, sigmas) for each in (named.fit, fit))
     scores = after.scores(share), before.scores(share)
     better = probability_better(*scores)
     useful = worthwhile(before, after, float((scores[0] - scores[1]).sum()))

@@ -61,7 +61,8 @@ class FitProblem:
     """A plant with chosen effects on given segments: residuals and sensitivities in scaled unknowns.
 
     `ranges` gives the fit start, lower and upper limit of each effect parameter that has no prior of its own, by
-    flat name. With `frozen` values nothing is fitted but the open initial states. Where a parameter shifts a
+    flat name. With `frozen` values nothing is fitted but the open initial states; `unknowns` are those of an earlier
+    fit of the same plant. Where a parameter shifts a
     channel in time, differences look past the next sample: an edge between two samples tells nothing beyond them.
     """
 
@@ -73,6 +74,7 @@ class FitProblem:
         ranges: Ranges,
         frozen: Mapping[str, float] | None = None,
         tolerance: float = TOLERANCE,
+        unknowns: Sequence[Free] | None = None,
     ) -> None:
         self.plant = plant
         self.compiled = limited(plant, segments, tolerance)
@@ -83,7 +85,7 @@ class FitProblem:
         for name, value in (frozen or {}).items():
             self._base[self._index[name]] = value
         parameters = [] if frozen is not None else self._parameters(ranges)
-        self.free = parameters + self._initial_states()
+        self.free = parameters + self._initial_states() if unknowns is None else list(unknowns)
         sizes = [segment.observed.size for segment in segments]
         self._edges = np.concatenate([[0], np.cumsum(sizes)])
         shifts = sample_shifts(plant, segments)

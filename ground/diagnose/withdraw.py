@@ -33,13 +33,13 @@ class Withdrawal:
 
 def withdrawals(refit: Fit, given: Plant, workers: Workers) -> tuple[Withdrawal, ...]:
     """The effects of the plant file that make predictions of left-out recordings worse; refits without each."""
-    segments = workers.context.segments
+    segments, sigmas = workers.context.segments, workers.context.sigmas
     tasks = [FitTask(without(refit.plant, use), refit, {}, "polish") for use in given.effects]
     share = effective_share(refit.residuals.reshape(-1, segments[0].observed.shape[1]))
-    present = cross_validate(refit, segments).scores(share)
+    present = cross_validate(refit, segments, sigmas).scores(share)
     found = []
     for use, fit in zip(given.effects, workers.map(fit_job, tasks), strict=True):
-        probability = probability_better(cross_validate(fit, segments).scores(share), present)
+        probability = probability_better(cross_validate(fit, segments, sigmas).scores(share), present)
         if probability >= PROPOSE:
             found.append(Withdrawal(use.physics_id, use.channel or use.equation, probability))
     return tuple(found)
