@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-LINE_POINTS = 1200
+LINE_POINTS = 1000
 """A longer line keeps of each bucket of samples the lowest and the highest, so that no extreme is lost."""
 PACKED_FROM = 50
 """Shorter lists stay text."""

@@ -106,9 +106,10 @@ def drive_figure(drive: Recording, rig: RigSettings, wanted_j: float) -> go.Figu
         start=1,
     ):
         shape = "hv" if row == 1 else "linear"
+        there = np.isfinite(values)
         figure.add_scatter(
-            x=time_s,
-            y=values,
+            x=time_s[there],
+            y=values[there],
             mode="lines",
             line={"color": colour, "width": 1.3, "shape": shape},
             row=row,

@@ -19,8 +19,9 @@ from ground.mission_summary import (
 from ground.report.decision_figures import belief_figure, height_figure
 from ground.report.mission_figures import NINETY_FIVE, c3_figure, drive_figure, hop_figure, surface_figure
 from ground.report.page import Cell, Page
+from ground.report.story_figure import story_figure
 
-DRAWN_HOPS = 16
+DRAWN_HOPS = 12
 """Hops whose signals are drawn; each adds 50 kB to the page."""
 TONES = {"valid": "good", "degraded": "plain", "rejected": "bad"}
 
@@ -35,6 +36,7 @@ def write_mission_page(run: MissionRun, path: Path) -> Path:
         f"Flown on the board “{run.board}”{seed}, rig {run.settings.rig.name}, foot {run.settings.rig.foot}."
     )
     _add_hops(page, run)
+    _add_story(page, run)
     if comparisons(run):
         _add_comparisons(page, run)
     _add_ground(page, run)
@@ -65,6 +67,17 @@ def _add_hops(page: Page, run: MissionRun) -> None:
     for outcome in run.hops:
         if outcome.report.reasons:
             page.text(f"Hop {outcome.report.hop_index + 1}: {'; '.join(outcome.report.reasons)}.")
+
+
+def _add_story(page: Page, run: MissionRun) -> None:
+    """The last hop whose flight was seen, from end to end."""
+    seen = [hop for hop in run.hops if hop.drive and hop.hop and hop.report.verdict != "rejected"]
+    if seen:
+        page.figure(
+            story_figure(seen[-1], run.settings.rig),
+            f"Hop {seen[-1].report.hop_index + 1} from end to end: the motor winds up the spring, the magnet lets "
+            "go, the accelerometer sees take-off and touchdown (shaded between them: the flight).",
+        )
 
 
 def _add_comparisons(page: Page, run: MissionRun) -> None:
