@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -18,11 +18,9 @@ from ground import console
 from ground.campaign_cli import campaign_app
 from ground.demo_cli import demo_app
 from ground.diagnose.pipeline import Outcome, diagnose, write_outcome
-from ground.diagnose.segments import channel_sigmas, segment_of, sigma_vector
-from ground.diagnose.verify import predict
 from ground.export_cli import dictionary_app, export_app
 from ground.files import configured
-from ground.importing import import_recordings
+from ground.help_examples import add_examples
 from ground.link_cli import link_app
 from ground.live.command import console_app
 from ground.mission_run import plan_mission, run_mission
@@ -35,34 +33,27 @@ from ground.mission_summary import (
     words,
 )
 from ground.paper_cli import add_paper_commands
-from ground.recordings.loading import load_recording, load_recordings, save_recording
-from ground.recordings.model import Recording, RecordingError
-from ground.replay import replay_log
+from ground.recordings_cli import Json, MapOption, PlantOption, read_recordings, recordings_app
+from ground.replay import ReplayResult, replay_log
 from ground.report.diagnosis_page import verdict_sentence as diagnosis_sentence
-from ground.sampling import sampling
 from hal.config import config_path
 from hal.raspberry_pi import setup_check
-from sim_hal.plant.simulate import Plant, compile_plant, load_plant
+from sim_hal.plant.simulate import compile_plant, load_plant
 
 HOPS_OF_A_GOAL = 3
 """About as many, for the moving line."""
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
+app = typer.Typer(no_args_is_help=True, help=__doc__, pretty_exceptions_enable=False)
 plant_app = typer.Typer(no_args_is_help=True, help="Plant files.")
 app.add_typer(plant_app, name="plant")
 app.add_typer(campaign_app, name="campaign")
 add_paper_commands(app)
 app.add_typer(dictionary_app, name="dictionary")
-for other in (link_app, console_app, export_app):
+for other in (recordings_app, link_app, console_app, export_app):
     app.registered_commands += other.registered_commands
 app.add_typer(demo_app, name="demo")
 
-Json = Annotated[bool, typer.Option("--json", help="Print the answer as JSON, for machines.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
-PlantOption = Annotated[str, typer.Option("--plant", help="Plant file, or a name in config/plant.")]
-MapOption = Annotated[
-    str | None, typer.Option("--map", help="Mapping file (or name) to import foreign files.")
-]
 
 
 @app.command()
@@ -136,86 +127,39 @@ def diagnose_command(
 
 
 @app.command()
-def simulate(
-    plant: PlantOption,
-    like: Annotated[Path, typer.Option(help="Recording whose run is simulated.")],
-    out: Annotated[Path, typer.Option("--out", help="Predicted channels: CSV, CSV.gz or MCAP.")],
-    mapping: MapOption = None,
-) -> None:
-    """Simulate one recording's run: its inputs, conditions and known start, never its measured outputs.
-
-    A start that the plant leaves to be fitted is read from the recording's first samples.
-    """
-    with console.clear_errors():
-        recordings = read_recordings([like], mapping)
-        if len(recordings) != 1:
-            raise RecordingError(f"{like}: holds {len(recordings)} recordings; name the one to simulate")
-        predicted = simulate_like(load_plant(configured("plant", plant)), recordings[0])
-        save_recording(predicted, out)
-    console.say(f"{out}: {', '.join(predicted.channels)} at {predicted.times_s.size} samples")
-
-
-def simulate_like(plant: Plant, recording: Recording) -> Recording:
-    """What the plant predicts for a recording's run, at its sample times."""
-    compiled = compile_plant(plant)
-    sigmas = channel_sigmas([recording], plant, compiled.output_names)
-    segment = segment_of(recording, plant, compiled)
-    outputs = predict(plant, segment, sigma_vector(sigmas, compiled.output_names))
-    channels = {name: outputs[:, i] for i, name in enumerate(compiled.output_names)}
-    return replace(
-        recording, channels=channels, sensors={}, extra_tables={}, notes=f"predicted by {plant.name}"
-    )
-
-
-@app.command("import")
-def import_command(
-    file: Annotated[Path, typer.Argument(help="MAT or CSV file of any lab.")],
-    mapping: Annotated[str, typer.Option("--map", help="Mapping file, or a name in config/imports.")],
-    out: Annotated[
-        Path, typer.Option("--out", help="Recording to write: CSV, CSV.gz or MCAP; or a folder for several.")
-    ],
-) -> None:
-    """Turn a foreign file into a recording, or several, and say how evenly it was sampled."""
-    with console.clear_errors():
-        found = import_recordings(file, configured("imports", mapping))
-        several = len(found) > 1 or not out.suffix
-        if several:
-            out.mkdir(parents=True, exist_ok=True)
-        for recording in found:
-            path = out / f"{recording.run}.csv.gz" if several else out
-            save_recording(recording, path)
-            channels = ", ".join(recording.channels)
-            console.say(
-                f"{path}: {channels}, {recording.times_s.size} samples; {sampling(recording.times_s)}"
-            )
-
-
-@app.command()
-def convert(
-    recording: Annotated[Path, typer.Argument(help="Recording to read: CSV pair or MCAP.")],
-    out: Annotated[Path, typer.Argument(help="Recording to write; its suffix says as what.")],
-) -> None:
-    """Copy a recording from one container to another, without loss."""
-    with console.clear_errors():
-        save_recording(load_recording(recording), out)
-    console.say(f"{out}: written")
-
-
-@app.command()
 def replay(
     log: Annotated[Path, typer.Argument(help="Flight log (MCAP) of a mission.")],
     recover: Annotated[bool, typer.Option(help="Take the whole part of a log that was cut.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Feed a log back through the flight code and compare every command and decision, bit for bit."""
-    with console.clear_errors():
-        result = replay_log(log, recover)
+    with console.clear_errors(), console.steps(total=1.0) as show:
+        show(f"reading {log}")
+        result = replay_log(log, recover, show)
+    if as_json:
+        console.print_json(replay_content(result))
+    else:
+        show_replay(result)
+    if not result.same:
+        raise typer.Exit(1)
+
+
+def replay_content(result: ReplayResult) -> dict[str, Any]:
+    """What a replay found, as JSON-able data."""
+    counts = {"compared": result.compared, "commands": result.commands, "decisions": result.decisions}
+    different = None if result.first_difference is None else str(result.first_difference)
+    return {"same": result.same, **counts, "first_difference": different, "damage": result.damage}
+
+
+def show_replay(result: ReplayResult) -> None:
+    """What was compared, and where it first differed."""
     console.say(
         f"compared: {result.compared} messages, of them {result.commands} commands, {result.decisions} decisions"
     )
-    if result.first_difference is not None:
+    if result.first_difference is None:
+        console.say("the replay is the same, bit for bit")
+    else:
         console.err.print(f"first difference: {result.first_difference}", markup=False, highlight=False)
-        raise typer.Exit(1)
-    console.say("the replay is the same, bit for bit")
 
 
 @app.command()
@@ -223,31 +167,33 @@ def setup(
     board_settings: Annotated[
         Path | None, typer.Option(help="Wiring instead of config/boards/raspberry_pi.yaml.")
     ] = None,
+    as_json: Json = False,
 ) -> None:
     """Check whether this computer is ready to be the robot; say what is wrong and how to mend it."""
     with console.clear_errors():
         findings = setup_check.look(board_settings)
-    console.say(setup_check.report(findings))
+    if as_json:
+        console.print_json([asdict(finding) for finding in findings])
+    else:
+        console.say(setup_check.report(findings))
     if not all(finding.good for finding in findings):
         raise typer.Exit(1)
 
 
 @plant_app.command()
-def check(file: Annotated[str, typer.Argument(help="Plant file, or a name in config/plant.")]) -> None:
+def check(
+    file: Annotated[str, typer.Argument(help="Plant file, or a name in config/plant.")], as_json: Json = False
+) -> None:
     """Read a plant file, check names, units and formulas, and list what it holds."""
     with console.clear_errors():
         plant = load_plant(configured("plant", file))
         compile_plant(plant)
+    if as_json:
+        found = {name: {"value": p.value, "std": p.std, "unit": p.unit} for name, p in plant.flat().items()}
+        console.print_json({"name": plant.name, "kind": plant.kind, "parameters": found})
+        return
     rows = [(name, f"{p.value:g}", f"{p.std:g}", p.unit) for name, p in plant.flat().items()]
     console.table(f"{plant.name} ({plant.kind}): sound", ("parameter", "value", "std", "unit"), rows)
-
-
-def read_recordings(paths: list[Path], mapping: str | None) -> tuple[Recording, ...]:
-    """Recordings as they are, or imported by a mapping."""
-    if mapping is None:
-        return load_recordings(paths)
-    plan = configured("imports", mapping)
-    return tuple(recording for path in paths for recording in import_recordings(path, plan))
 
 
 def mission_watcher(show: Callable[..., None], energy_j: float, hops: int) -> Callable[[Progress], None]:
@@ -306,3 +252,6 @@ def show_diagnosis(outcome: Outcome, folder: Path) -> None:
     for note in found.notes:
         console.say(f"note: {note}")
     console.say(f"page: {folder / 'report.html'}")
+
+
+add_examples(app)

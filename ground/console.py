@@ -12,7 +12,15 @@ from typing import Annotated, Any
 import typer
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 from ground.diagnose.pipeline import DiagnosisError
@@ -65,9 +73,9 @@ def _notes(error: BaseException) -> list[str]:
 @contextmanager
 def steps(total: float | None = None) -> Iterator[Callable[..., None]]:
     """A line that moves while long work goes on: call it with a text, and how much of `total` is done."""
-    columns = [SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()]
+    columns: list[ProgressColumn] = [SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()]
     if total is not None:
-        columns.insert(2, BarColumn())
+        columns[2:] = [BarColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()]
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
         task = progress.add_task("starting", total=total)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -26,12 +27,7 @@ def export_command(
     recover: Annotated[bool, typer.Option(help="Take the whole part of a log that was cut.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the tables' sizes as JSON.")] = False,
 ) -> None:
-    """Write a log or a recording as plain tables, one file for each device and kind of message.
-
-    \b
-    hopper export out/run/flight.mcap --to parquet --out out/tables
-    hopper export out/run/hop_01.hop.csv.gz --to csv --out out/hop
-    """
+    """Write a log or a recording as plain tables, one file for each device and kind of message."""
     with console.clear_errors(), console.steps() as show:
         show(f"reading {file}")
         written = export(file, out, to, recover)
@@ -46,11 +42,7 @@ def figures_command(
     page: Annotated[Path, typer.Argument(help="A page that a command of hopper wrote (HTML).")],
     out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("out/figures"),
 ) -> None:
-    """Write each plot of a page as PNG and SVG, for a paper; needs a Chromium and the extra 'figures'.
-
-    \b
-    hopper figures out/run/report.html --out out/figures
-    """
+    """Write each plot of a page as PNG and SVG, for a paper; needs a Chromium and the extra 'figures'."""
     with console.clear_errors():
         console.draw_figures(page, out)
 
@@ -66,22 +58,26 @@ def layout_command(
 
 
 @dictionary_app.callback(invoke_without_command=True)
-def dictionary_command(context: typer.Context) -> None:
+def dictionary_command(
+    context: typer.Context,
+    as_json: Annotated[bool, typer.Option("--json", help="As JSON, for machines.")] = False,
+) -> None:
     """Print every command, event, telemetry channel and parameter as a page (Markdown)."""
-    if context.invoked_subcommand is None:
-        with console.clear_errors():
-            print(dictionary_page(load_dictionary()), end="")
+    if context.invoked_subcommand is not None:
+        return
+    with console.clear_errors():
+        found = load_dictionary()
+    if as_json:
+        console.print_json(asdict(found))
+    else:
+        print(dictionary_page(found), end="")
 
 
 @dictionary_app.command("export")
 def dictionary_export(
     xtce: Annotated[Path, typer.Option("--xtce", help="File to write: XTCE 1.2.")],
 ) -> None:
-    """Describe the link's telemetry packets to a mission control system such as Yamcs.
-
-    \b
-    hopper dictionary export --xtce out/hopper.xml
-    """
+    """Describe the link's telemetry packets to a mission control system such as Yamcs."""
     with console.clear_errors():
         write_xtce(load_dictionary(), xtce)
     console.say(f"{xtce}: written")

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from flight.executive import fly
+from flight.executive import Progress, fly
 from flight.log import FlightLog, read_log
 from flight.mission import MissionPlan
 from flight.settings import FlightSettings
@@ -55,11 +55,14 @@ class ReplayResult:
         return self.first_difference is None
 
 
-def replay_log(path: Path, recover: bool = False) -> ReplayResult:
+def replay_log(
+    path: Path, recover: bool = False, show: Callable[[str, float], None] | None = None
+) -> ReplayResult:
     """Fly the mission of a log again and compare all commands and decisions.
 
-    `recover` takes the whole part of a log that was cut. Raises `LogError` when the log cannot be read, lacks
-    what a replay needs, or gave nothing to compare; `ConfigError` when settings in it are refused.
+    `show` is told a text and which share of the log's time is flown. `recover` takes the whole part of a log that
+    was cut. Raises `LogError` when the log cannot be read, lacks what a replay needs, or gave nothing to compare;
+    `ConfigError` when settings in it are refused.
     """
     log = read_log(path, recover)
     settings = log.part("settings", FlightSettings)
@@ -67,8 +70,14 @@ def replay_log(path: Path, recover: bool = False) -> ReplayResult:
     surfaces = log.part("surfaces", SurfaceSettings)
     check_surfaces(surfaces, f"{path}: metadata surfaces")
     stay_s = _stay_s(log)
+    end_s = log.messages[-1].time_s if log.messages else 0.0
+
+    def watch(progress: Progress) -> None:
+        if show is not None and end_s > 0.0:
+            show(f"flying {path} again, t = {progress.time_s:.0f} s", progress.time_s / end_s)
+
     return replay_messages(
-        log, lambda board, tape: fly(board, settings, mission, tape, surfaces=surfaces, stay_s=stay_s)
+        log, lambda board, tape: fly(board, settings, mission, tape, watch, surfaces=surfaces, stay_s=stay_s)
     )
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ground.diagnose.candidates import Scales, ranges_of
 from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.segments import Segment
+from ground.pools import end_with_parent
 from sim_hal.plant.simulate import Plant
 
 SEARCH_TOLERANCE = 1e-3
@@ -99,6 +100,7 @@ _installed: list[Context] = []
 
 
 def _install(context: Context) -> None:
+    end_with_parent()
     _installed[:] = [context]
 
 

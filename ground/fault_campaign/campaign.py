@@ -18,6 +18,7 @@ from flight.surface.known import load_surfaces
 from ground.fault_campaign.drawing import CampaignSettings, draw_case
 from ground.fault_campaign.flying import fly_case
 from ground.fault_campaign.hazards import HAZARDS
+from ground.pools import end_with_parent
 from hal.config import config_path, read_yaml
 from hal.errors import ConfigError
 
@@ -118,7 +119,8 @@ def _flown(settings: CampaignSettings, seed: int, done: set[int], processes: int
     if processes == 1:
         yield from map(_fly, jobs)
         return
-    with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn")) as pool:
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, spawn, end_with_parent) as pool:
         waiting = {pool.submit(_fly, job) for job in islice(jobs, 4 * processes)}
         try:
             while True:

@@ -57,12 +57,6 @@ def console_command(
     """Show a robot, a simulation or a log: state, spring, signals, belief, decisions, events, commands.
 
     The page is served on this computer only, at an address that carries a token; Ctrl-C ends it.
-
-    \b
-    hopper console --sim                                  a simulated mission, live
-    hopper console --port /dev/ttyUSB0 --key link.key     a robot
-    hopper console out/run/flight.mcap                    a log, with a time slider
-    hopper console --sim --terminal                       the same in the terminal
     """
     with console.clear_errors():
         if sum((sim, port is not None, log is not None)) != 1:

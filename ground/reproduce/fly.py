@@ -17,6 +17,7 @@ from flight.settings import FlightSettings
 from flight.uncertain import Uncertain
 from ground.calibration.hop_model import PLANT, foot_values, on_arm
 from ground.calibration.targets import middles
+from ground.pools import end_with_parent
 from ground.reproduce.chain import CampaignRun
 from ground.reproduce.mechanism import Mechanisms
 from ground.reproduce.plan import CampaignPlan, SetupPlan, SoilTest
@@ -155,7 +156,7 @@ def _each(missions: Sequence[Mission], settings: FlightSettings, processes: int)
         return
     # spawn: this process may have threads (a progress line), and a fork would copy their locks
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, spawn) as pool:
+    with ProcessPoolExecutor(processes, spawn, end_with_parent) as pool:
         try:
             yield from pool.map(fly_setup, missions, [settings] * len(missions))
         finally:

@@ -6,11 +6,12 @@ Each check says what it found and, where that is wrong, how to mend it. Nothing 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import resource
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -235,12 +236,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Exit code 0: ready; 1: something is wrong; 2: the settings are refused."""
     parser = argparse.ArgumentParser(prog="python -m hal.raspberry_pi.setup_check", description=__doc__)
     parser.add_argument("--board-settings", type=Path, help="instead of config/boards/raspberry_pi.yaml")
+    parser.add_argument("--json", action="store_true", help="print the findings as JSON, for machines")
+    options = parser.parse_args(arguments)
     try:
-        findings = look(parser.parse_args(arguments).board_settings)
+        findings = look(options.board_settings)
     except HalError as error:
         print(f"setup: {error}", file=sys.stderr)
         return 2
-    print(report(findings))
+    print(
+        json.dumps([asdict(finding) for finding in findings], indent=1) if options.json else report(findings)
+    )
     return 0 if all(finding.good for finding in findings) else 1
 
 

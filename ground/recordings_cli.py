@@ -1,0 +1,124 @@
+"""`hopper simulate`, `import` and `convert`: recordings in and out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ground import console
+from ground.diagnose.segments import channel_sigmas, segment_of, sigma_vector
+from ground.diagnose.verify import predict
+from ground.files import configured
+from ground.importing import import_recordings
+from ground.recordings.loading import load_recording, load_recordings, save_recording
+from ground.recordings.model import Recording, RecordingError
+from ground.sampling import sampling
+from sim_hal.plant.simulate import Plant, compile_plant, load_plant
+
+recordings_app = typer.Typer()
+
+Json = Annotated[bool, typer.Option("--json", help="Print the answer as JSON, for machines.")]
+PlantOption = Annotated[str, typer.Option("--plant", help="Plant file, or a name in config/plant.")]
+MapOption = Annotated[
+    str | None, typer.Option("--map", help="Mapping file (or name) to import foreign files.")
+]
+
+
+@recordings_app.command()
+def simulate(
+    plant: PlantOption,
+    like: Annotated[Path, typer.Option(help="Recording whose run is simulated.")],
+    out: Annotated[Path, typer.Option("--out", help="Predicted channels: CSV, CSV.gz or MCAP.")],
+    mapping: MapOption = None,
+    as_json: Json = False,
+) -> None:
+    """Simulate one recording's run: its inputs, conditions and known start, never its measured outputs.
+
+    A start that the plant leaves to be fitted is read from the recording's first samples.
+    """
+    with console.clear_errors():
+        recordings = read_recordings([like], mapping)
+        if len(recordings) != 1:
+            raise RecordingError(f"{like}: holds {len(recordings)} recordings; name the one to simulate")
+        predicted = simulate_like(load_plant(configured("plant", plant)), recordings[0])
+        save_recording(predicted, out)
+    say_written(out, predicted, as_json)
+
+
+def simulate_like(plant: Plant, recording: Recording) -> Recording:
+    """What the plant predicts for a recording's run, at its sample times."""
+    compiled = compile_plant(plant)
+    sigmas = channel_sigmas([recording], plant, compiled.output_names)
+    segment = segment_of(recording, plant, compiled)
+    outputs = predict(plant, segment, sigma_vector(sigmas, compiled.output_names))
+    channels = {name: outputs[:, i] for i, name in enumerate(compiled.output_names)}
+    return replace(
+        recording, channels=channels, sensors={}, extra_tables={}, notes=f"predicted by {plant.name}"
+    )
+
+
+@recordings_app.command("import")
+def import_command(
+    file: Annotated[Path, typer.Argument(help="MAT or CSV file of any lab.")],
+    mapping: Annotated[str, typer.Option("--map", help="Mapping file, or a name in config/imports.")],
+    out: Annotated[
+        Path, typer.Option("--out", help="Recording to write: CSV, CSV.gz or MCAP; or a folder for several.")
+    ],
+    as_json: Json = False,
+) -> None:
+    """Turn a foreign file into a recording, or several, and say how evenly it was sampled."""
+    with console.clear_errors():
+        found = import_recordings(file, configured("imports", mapping))
+        several = len(found) > 1 or not out.suffix
+        if several:
+            out.mkdir(parents=True, exist_ok=True)
+        written = {out / f"{each.run}.csv.gz" if several else out: each for each in found}
+        for path, recording in written.items():
+            save_recording(recording, path)
+    if as_json:
+        console.print_json([written_content(path, recording) for path, recording in written.items()])
+        return
+    for path, recording in written.items():
+        console.say(f"{written_words(path, recording)}; {sampling(recording.times_s)}")
+
+
+@recordings_app.command()
+def convert(
+    recording: Annotated[Path, typer.Argument(help="Recording to read: CSV pair or MCAP.")],
+    out: Annotated[Path, typer.Argument(help="Recording to write; its suffix says as what.")],
+    as_json: Json = False,
+) -> None:
+    """Copy a recording from one container to another, without loss."""
+    with console.clear_errors():
+        found = load_recording(recording)
+        save_recording(found, out)
+    say_written(out, found, as_json)
+
+
+def say_written(path: Path, recording: Recording, as_json: bool) -> None:
+    """Say what was written, to a person or a machine."""
+    if as_json:
+        console.print_json(written_content(path, recording))
+    else:
+        console.say(written_words(path, recording))
+
+
+def written_content(path: Path, recording: Recording) -> dict[str, Any]:
+    """A file with its channels and samples, as JSON-able data."""
+    return {"file": str(path), "channels": list(recording.channels), "samples": recording.times_s.size}
+
+
+def written_words(path: Path, recording: Recording) -> str:
+    """The same in words."""
+    return f"{path}: {', '.join(recording.channels)}, {recording.times_s.size} samples"
+
+
+def read_recordings(paths: list[Path], mapping: str | None) -> tuple[Recording, ...]:
+    """Recordings as they are, or imported by a mapping."""
+    if mapping is None:
+        return load_recordings(paths)
+    plan = configured("imports", mapping)
+    return tuple(recording for path in paths for recording in import_recordings(path, plan))
