@@ -6,7 +6,8 @@ import argparse
 import gc
 import secrets
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -89,10 +90,9 @@ def _fly(options: argparse.Namespace) -> MissionResult:
         open_board(options.board, read_yaml(where)) as opened,
         BackgroundLog(McapLog(options.log, metadata, settings.log), settings.log.waiting_messages) as log,
     ):
-        _quieten_collector()
-        result = fly(
-            tap_board(_fitted(opened, options, key), log), settings, mission, log, stay_s=options.stay_s
-        )
+        flown = tap_board(_fitted(opened, options, key), log)
+        with _quiet_collector():
+            result = fly(flown, settings, mission, log, stay_s=options.stay_s)
 
     if log.problem:
         print(f"flight: the log is not whole: {log.problem}", file=sys.stderr)
@@ -112,11 +112,17 @@ def _fitted(board: Board, options: argparse.Namespace, key: Key | None) -> Board
     return board
 
 
-def _quieten_collector() -> None:
+@contextmanager
+def _quiet_collector() -> Iterator[None]:
     """No pause for garbage collection in flight; a tick leaves no cycles behind (benchmarks/onboard.py)."""
     gc.collect()
     gc.freeze()
     gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+        gc.unfreeze()
 
 
 def _line(report: dict[str, object]) -> str:

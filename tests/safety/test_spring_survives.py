@@ -5,6 +5,7 @@ Kills at random instants are in benchmarks/kill.py; here each state in which a k
 
 from __future__ import annotations
 
+import gc
 import json
 from pathlib import Path
 
@@ -28,6 +29,25 @@ from sim_hal.board import SimBoard
 
 SETTINGS = flight_settings.load()
 ONE_HOP = MissionPlan("one", (HopPlan(0.6, "steel"),))
+
+
+def test_the_collector_rests_in_flight_and_works_again_after_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mission = tmp_path / "m.yaml"
+    mission.write_text("name: m\nhops:\n  - {energy_j: 0.6, surface: steel}\n", encoding="utf-8")
+    seen: list[bool] = []
+
+    def interrupted(*_: object, **__: object) -> None:
+        seen.append(gc.isenabled())
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(on_board, "fly", interrupted)
+    command = ["--board", "sim", "--mission", str(mission), "--log", str(tmp_path / "flight.mcap")]
+    with pytest.raises(KeyboardInterrupt):
+        on_board.main(command)
+    assert seen == [False]
+    assert gc.isenabled()
 
 
 def test_a_flight_leaves_the_spring_s_record_and_a_log_that_replays_with_its_wait_in_safe(
