@@ -53,15 +53,6 @@ def _broken(value: float, noise: float, fault: Fault, latest: Sample | None) -> 
     return value
 
 
-def _digital(values: Sequence[float], step: float, low: float, high: float) -> list[float]:
-    """Rounded to the step, then limited to the range."""
-    if step > 0.0:
-        values = [round(value / step) * step for value in values]
-    if min(values) < low or max(values) > high:
-        return [low if value < low else high if value > high else value for value in values]
-    return list(values)
-
-
 class SampledSensor:
     """One sensor: when it samples, what it makes of the truth, and the samples not yet read."""
 
@@ -106,14 +97,16 @@ class SampledSensor:
     def due(self, now_s: float) -> list[float]:
         """Take the sample instants reached by `now_s` [s]; each is handed out once, oldest first."""
         rate_hz, latest_s = self._mode.rate_hz, now_s + GRID_TOLERANCE_S
-        end = math.floor(latest_s * rate_hz)  # give or take one, by rounding
-        while end / rate_hz <= latest_s:
+        end = math.floor(latest_s * rate_hz) + 1
+        if end / rate_hz <= latest_s:  # the product was rounded down
             end += 1
-        while end > self._count and (end - 1) / rate_hz > latest_s:
+        elif (end - 1) / rate_hz > latest_s:  # or up
             end -= 1
+        if end <= self._count:
+            return []
         instants = [count / rate_hz for count in range(self._count, end)]
-        self._count = max(self._count, end)
-        if instants and instants[-1] > now_s - GRID_TOLERANCE_S:
+        self._count = end
+        if instants[-1] > now_s - GRID_TOLERANCE_S:
             instants[-1] = now_s  # the same but for rounding: what is due now is looked at once
         return instants
 
@@ -124,22 +117,20 @@ class SampledSensor:
         """
         if not instants:
             return False
-        mode = self._mode
         # the noise is drawn even by a broken sensor, so that a fault leaves all later samples as they were
         drawn = self._drawn(len(instants))
         # plain numbers: most batches are of a few samples, for which arrays take longer
-        noise_std, step, low, high = mode.noise_std, self.step, mode.low, mode.high
-        measured = [true + noise_std * noise for true, noise in zip(truth, drawn, strict=True)]
-        shown = _digital(measured, step, low, high)
-        differs = False
-        if fault is not None:
-            if fault.kind in ("silent", "fail"):
-                return True
-            broken = [_broken(*each, fault, self._latest) for each in zip(measured, drawn, strict=True)]
-            healthy, shown = shown, _digital(broken, step, low, high)
-            differs = shown != healthy
-        self._keep(instants, shown, [not low < value < high for value in shown])
-        return differs
+        sigma = self._mode.noise_std
+        measured = [true + sigma * noise for true, noise in zip(truth, drawn, strict=True)]
+        if fault is None:
+            self._keep(instants, *self._digital(measured))
+            return False
+        if fault.kind in ("silent", "fail"):
+            return True
+        broken = [_broken(*each, fault, self._latest) for each in zip(measured, drawn, strict=True)]
+        shown, saturated = self._digital(broken)
+        self._keep(instants, shown, saturated)
+        return shown != self._digital(measured)[0]
 
     def _drawn(self, count: int) -> list[float]:
         """White noise of sigma 1, drawn ahead: the sequence is that of single draws."""
@@ -149,25 +140,33 @@ class SampledSensor:
             start, self._used = 0, count
         return self._noise[start : self._used]
 
+    def _digital(self, values: list[float]) -> tuple[list[float], list[bool]]:
+        """Rounded to the step, then limited to the range; and whether each is at its end."""
+        step, low, high = self.step, self._mode.low, self._mode.high
+        if step > 0.0:
+            values = [round(value / step) * step for value in values]
+        if low < min(values) and max(values) < high:
+            return values, [False] * len(values)
+        values = [low if value < low else high if value > high else value for value in values]
+        return values, [not low < value < high for value in values]
+
     def _keep(self, times_s: Sequence[float], shown: list[float], saturated: list[bool]) -> None:
         """To the FIFO, which loses its oldest samples when it is full."""
         times, values, flags = self._fifo
         times += times_s
         values += shown
         flags += saturated
-        lost = len(times) - self._depth
-        if lost > 0:
+        if len(times) > self._depth:
             self._overrun = True
             for kept in self._fifo:
-                del kept[:lost]
+                del kept[: -self._depth]
         self._latest = Sample(times_s[-1], shown[-1], saturated[-1])
 
     def drain(self) -> Batch:
         """All samples since the last call, and whether older ones were lost before them."""
         times_s, values, saturated = self._fifo
         batch = Batch(tuple(times_s), tuple(values), tuple(saturated), self._overrun)
-        for kept in self._fifo:
-            kept.clear()
+        self._fifo = [], [], []
         self._overrun = False
         return batch
 
