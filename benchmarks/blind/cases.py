@@ -28,7 +28,7 @@ from benchmarks.blind.explanations import (
 from benchmarks.blind.sight import Seen, Sight, hop_contacts, simulate, touchdown_s
 from ground.recordings.model import Recording
 from hal.config import config_path
-from sim_hal.plant.simulate import Plant, SimulationError, load_plant
+from sim_hal.plant.simulate import Plant, PlantError, SimulationError, load_plant
 
 Float = NDArray[np.float64]
 
@@ -217,7 +217,7 @@ def sized(
     for _ in range(steps if off or form.scaled else 1):
         try:
             seen = sight.seen(sight.scaled(form.hidden_in(own, nominal, size)) - base, without=off)
-        except SimulationError:
+        except (SimulationError, PlantError):  # beyond what integrates, or what such an effect can be
             size /= 5.0
             continue
         factor = target / max(seen.most, 1e-9)
