@@ -95,7 +95,7 @@ def _obey_abort(tick: Tick, command: GroundCommand) -> None:
 
 def _obey_reset(tick: Tick, command: GroundCommand) -> None:
     """Out of SAFE: all that was known of the spring is forgotten, so that it counts as loaded again."""
-    forbidding = reset_interlocks(tick.machine, tick.snap, tick.settings)
+    forbidding = reset_interlocks(tick.machine, tick.snap, tick.settings, tick.dead)
     if forbidding:
         tick.refuse(command, *forbidding)
         return

@@ -39,7 +39,7 @@ def decide(
     settings: FlightSettings,
 ) -> Step:
     """Second half of a tick: answer faults, obey commands, act by phase."""
-    tick = Tick(observed, snap, settings)
+    tick = Tick(observed, snap, settings, dead)
     fault = None if observed.phase is Phase.SAFE else find_fault(observed, dead, settings)
     if fault is not None:
         tick.fail(fault)

@@ -15,10 +15,14 @@ from hal.readings import GroundCommand
 class Tick:
     """The work of one tick: the machine as it changes, and the events that come of it."""
 
-    def __init__(self, machine: Machine, snap: Snapshot, settings: FlightSettings) -> None:
+    def __init__(
+        self, machine: Machine, snap: Snapshot, settings: FlightSettings, dead: tuple[str, ...] = ()
+    ) -> None:
+        """`dead`: the monitors that could not measure at this tick."""
         self.machine = machine
         self.snap = snap
         self.settings = settings
+        self.dead = dead
         self.events: list[Event] = []
 
     @property

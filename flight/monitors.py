@@ -100,13 +100,17 @@ def firing_interlocks(machine: Machine, snap: Snapshot, settings: FlightSettings
     return tuple(name for name, forbids in checks.items() if forbids) + stale
 
 
-def reset_interlocks(machine: Machine, snap: Snapshot, settings: FlightSettings) -> tuple[str, ...]:
-    """What forbids leaving SAFE now; empty when the robot may start again from its self-test."""
+def reset_interlocks(
+    machine: Machine, snap: Snapshot, settings: FlightSettings, dead: tuple[str, ...] = ()
+) -> tuple[str, ...]:
+    """What forbids leaving SAFE now; empty when the robot may start again from its self-test. `dead`: monitors."""
     stale = tuple(f"{name}_old" for name in SENSORS if snap.age_s(name) > settings.safety.sensor_age_s)
     checks = {
         "drive_not_trusted": not machine.drive_trusted,  # the watchdog has cut the power, or will
+        "magnet_disobeys": snap.magnet_failed,
         "magnet_current_flows": abs(snap.magnet_current_a) > settings.safety.idle_current_a,
         "not_stable": machine.stable_ticks < settings.safety.stable_ticks,
         **{f"{name}_beyond_limit": True for name in machine.beyond_ticks},
+        **{f"{name}_dead": True for name in dead},
     }
     return tuple(name for name, forbids in checks.items() if forbids) + stale

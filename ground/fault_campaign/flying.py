@@ -11,7 +11,7 @@ from typing import Any
 
 from flight import settings as flight_settings
 from flight.executive import fly
-from flight.log import McapLog
+from flight.log import McapLog, parts_of
 from flight.mcap_stream import read_mcap
 from flight.mission import HopPlan, MissionPlan
 from flight.settings import FlightSettings
@@ -173,7 +173,7 @@ def _rest(board: SimBoard, for_s: float) -> None:
 def _judge_log(witness: Witness, path: Path, log: CampaignLog) -> None:
     """The log must be whole, with every message that was handed to it before its disc was full."""
     try:
-        if len(read_mcap(path).messages) == log.written:
+        if sum(len(read_mcap(part).messages) for part in parts_of(path)) == log.written:
             return
     except LogError:
         pass

@@ -23,7 +23,7 @@ def _broken_by_magnet(before: Machine, world: World, orders: Orders, step: Step)
     may_fire = (
         before.phase is Phase.ARMED
         and orders.signed
-        and orders.names[-1:] == ("fire",)
+        and "fire" in orders.names  # whatever else is ordered in that tick: the arming came before it
         and world.age_s == 1.0
         and world.settled
         and world.latched
@@ -58,7 +58,9 @@ def _broken_by_drive(
     if not before.drive_trusted and (after.drive_trusted or outputs.voltage_v != 0.0):
         yield "untrusted_drive_used"
     stored_m = world.compression * compression_for_energy_m(WANTED_J, settings.rig)
-    pulls = outputs.voltage_v > hold_voltage_v(stored_m, settings) + 1e-6
+    # A motor that was running is slowed down over some ticks; nothing may pull more than that leaves of its voltage.
+    falling_v = before.voltage_v - settings.drive.voltage_slew_v_s * settings.tick.period_s
+    pulls = outputs.voltage_v > max(hold_voltage_v(stored_m, settings), falling_v) + 1e-6
     if pulls and after.phase not in (Phase.TENSIONING, Phase.LATCH_CHECK):
         yield "tensioned_unasked"
     may_tension = before.phase is Phase.READY and "tension" in orders.names and orders.signed

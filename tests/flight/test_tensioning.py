@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from hypothesis import given
+from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from flight import settings as flight_settings
@@ -13,6 +14,7 @@ SETTINGS = flight_settings.load()
 
 
 @given(st.floats(0.01, 26.0))
+@hypothesis_settings(deadline=None)
 def test_compression_and_energy_are_inverse(energy_j: float) -> None:
     compression_m = tensioning.compression_for_energy_m(energy_j, SETTINGS.rig)
     assert tensioning.energy_used_j(compression_m, SETTINGS.rig) == pytest.approx(energy_j, rel=1e-9)
@@ -25,6 +27,7 @@ def test_used_energy_is_the_difference_of_spring_energies() -> None:
 
 
 @given(st.floats(0.002, 0.042))
+@hypothesis_settings(deadline=None)
 def test_hold_voltage_keeps_the_motor_torque_inside_the_stuck_band(compression_m: float) -> None:
     drive = SETTINGS.drive
     torque = drive.torque_constant_n_m_a * tensioning.hold_voltage_v(compression_m, SETTINGS)
@@ -37,6 +40,7 @@ def test_hold_voltage_keeps_the_motor_torque_inside_the_stuck_band(compression_m
 
 
 @given(st.floats(0.0, 0.042), st.floats(0.0, 3.0), st.floats(-0.001, 0.0033))
+@hypothesis_settings(deadline=None)
 def test_tensioning_power_stays_below_the_limit(s: float, current_a: float, speed_m_s: float) -> None:
     drive = SETTINGS.drive
     voltage = tensioning.drive_voltage_v(drive.tensioning_speed_m_s, speed_m_s, s, current_a, SETTINGS)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import given
+from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from log_fakes import ScriptedRig, fly_toy
 from mcap.reader import make_reader
@@ -65,6 +66,7 @@ names = st.text().filter(lambda name: name != "log_time_s")
 
 
 @given(payload=st.dictionaries(names, exact_json, max_size=5), time_s=st.floats(0.0, 1e8))
+@hypothesis_settings(deadline=None)
 def test_every_json_value_comes_back_exactly(
     tmp_path_factory: pytest.TempPathFactory, payload: dict[str, object], time_s: float
 ) -> None:
@@ -158,6 +160,7 @@ def test_a_log_that_was_never_closed_keeps_all_but_its_last_chunk(tmp_path: Path
 
 
 @given(data=st.data())
+@hypothesis_settings(deadline=None)
 def test_a_damaged_log_is_a_log_error_and_nothing_else(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
