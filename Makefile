@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 GROUND := $(VENV)/.ground
 DEV := $(VENV)/.dev
 
-.PHONY: demo test test-kernel test-arm64 lint setup clean
+.PHONY: demo test docs test-kernel test-arm64 lint setup clean
 
 $(GROUND): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -31,6 +31,11 @@ lint: $(DEV)
 
 test: lint
 	$(BIN)/pytest
+
+# The documentation as a site in out/site; a link or an anchor that leads nowhere fails it.
+docs: $(GROUND)
+	$(PIP) --editable ".[docs]"
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 # The drivers on Debian's arm64 kernel, on a computer emulated by QEMU. Needs root (or sudo) on Debian 12 for its packages.
 test-kernel: $(DEV)

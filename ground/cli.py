@@ -14,7 +14,7 @@ import typer
 from flight import settings as flight_settings
 from flight.executive import Progress
 from flight.plans import load_mission
-from ground import console
+from ground import api, console
 from ground.campaign_cli import campaign_app
 from ground.demo_cli import demo_app
 from ground.diagnose.pipeline import Outcome, diagnose, write_outcome
@@ -33,7 +33,7 @@ from ground.mission_summary import (
     words,
 )
 from ground.paper_cli import add_paper_commands
-from ground.recordings_cli import Json, MapOption, PlantOption, read_recordings, recordings_app
+from ground.recordings_cli import Json, MapOption, PlantOption, recordings_app
 from ground.replay import ReplayResult, replay_log
 from ground.report.diagnosis_page import verdict_sentence as diagnosis_sentence
 from hal.config import config_path
@@ -115,7 +115,7 @@ def diagnose_command(
     with console.clear_errors():
         given = load_plant(configured("plant", plant))
         reference = load_plant(configured("plant", compare)) if compare else None
-        read = read_recordings(recordings, mapping)
+        read = api.load(*recordings, mapping=mapping)
         with console.steps() as show:
             outcome = diagnose(read, given, show, reference, processes=min(4, os.cpu_count() or 1))
         write_outcome(outcome, out)

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from ground import console
-from ground.diagnose.segments import channel_sigmas, segment_of, sigma_vector
-from ground.diagnose.verify import predict
+from ground import api, console
 from ground.files import configured
 from ground.importing import import_recordings
-from ground.recordings.loading import load_recording, load_recordings, save_recording
+from ground.recordings.loading import load_recording, save_recording
 from ground.recordings.model import Recording, RecordingError
 from ground.sampling import sampling
-from sim_hal.plant.simulate import Plant, compile_plant, load_plant
+from sim_hal.plant.simulate import load_plant
 
 recordings_app = typer.Typer()
 
@@ -40,24 +37,12 @@ def simulate(
     A start that the plant leaves to be fitted is read from the recording's first samples.
     """
     with console.clear_errors():
-        recordings = read_recordings([like], mapping)
+        recordings = api.load(like, mapping=mapping)
         if len(recordings) != 1:
             raise RecordingError(f"{like}: holds {len(recordings)} recordings; name the one to simulate")
-        predicted = simulate_like(load_plant(configured("plant", plant)), recordings[0])
+        predicted = api.simulate(load_plant(configured("plant", plant)), recordings[0])
         save_recording(predicted, out)
     say_written(out, predicted, as_json)
-
-
-def simulate_like(plant: Plant, recording: Recording) -> Recording:
-    """What the plant predicts for a recording's run, at its sample times."""
-    compiled = compile_plant(plant)
-    sigmas = channel_sigmas([recording], plant, compiled.output_names)
-    segment = segment_of(recording, plant, compiled)
-    outputs = predict(plant, segment, sigma_vector(sigmas, compiled.output_names))
-    channels = {name: outputs[:, i] for i, name in enumerate(compiled.output_names)}
-    return replace(
-        recording, channels=channels, sensors={}, extra_tables={}, notes=f"predicted by {plant.name}"
-    )
 
 
 @recordings_app.command("import")
@@ -114,11 +99,3 @@ def written_content(path: Path, recording: Recording) -> dict[str, Any]:
 def written_words(path: Path, recording: Recording) -> str:
     """The same in words."""
     return f"{path}: {', '.join(recording.channels)}, {recording.times_s.size} samples"
-
-
-def read_recordings(paths: list[Path], mapping: str | None) -> tuple[Recording, ...]:
-    """Recordings as they are, or imported by a mapping."""
-    if mapping is None:
-        return load_recordings(paths)
-    plan = configured("imports", mapping)
-    return tuple(recording for path in paths for recording in import_recordings(path, plan))
