@@ -14,7 +14,8 @@ the log.
 
 `growth_kb_per_hour`: slope of the resident memory while the robot hops on at 200 Hz for `--hours` of simulated time,
 the collector off and the log in files as in flight, written before each tick ends, the first quarter left out. The
-simulated robot is in the same process: what grows of it counts, too.
+simulated robot is in the same process: what grows of it counts, too, but for what it leaves in cycles, which is
+collected after each hop. `flight_garbage` is how many objects of flight's own classes were among that.
 
 `loop_late_*`: how late the ticks of the flight software begin in real time on this machine, with SCHED_FIFO where
 that is permitted: the first `--jitter-s` seconds of a mission, its readings from a record. `jitter_*`: the same of a
@@ -51,7 +52,7 @@ from benchmarks.real_time import (
 )
 from flight import settings as flight_settings
 from flight.background_log import BackgroundLog
-from flight.executive import fly
+from flight.executive import Progress, fly
 from flight.log import McapLog
 from hal.board import Board
 from hal.calls import board_calls
@@ -175,15 +176,42 @@ def ticks(logged: bool) -> FLOATS:
     return np.array(meter.ticks_us[5:])
 
 
-def growth_kb_per_hour(hours: float) -> float:
-    """Slope of resident memory over simulated time."""
-    points: list[tuple[float, float]] = []
+class Growth:
+    """Watches resident memory, and collects after each hop what was left in cycles."""
 
-    def watch(progress: Any) -> None:
-        if not points or progress.time_s - points[-1][0] >= 1.0:
-            points.append((progress.time_s, _resident_kb()))
+    def __init__(self) -> None:
+        self.points: list[tuple[float, float]] = []
+        self.flight_garbage = 0
+        self._hops = 0
 
-    settings = flight_settings.load()
+    def __call__(self, progress: Progress) -> None:
+        """Look once."""
+        if progress.hop_index != self._hops:
+            self._hops = progress.hop_index
+            self._collect()
+        if not self.points or progress.time_s - self.points[-1][0] >= 1.0:
+            self.points.append((progress.time_s, _resident_kb()))
+
+    def _collect(self) -> None:
+        gc.set_debug(gc.DEBUG_SAVEALL)
+        gc.collect()
+        ours = ("flight.", "hal.")
+        self.flight_garbage += sum(type(found).__module__.startswith(ours) for found in gc.garbage)
+        gc.set_debug(0)
+        gc.garbage.clear()
+        gc.collect()
+
+    @property
+    def kb_per_hour(self) -> float:
+        """Slope of the memory without its first quarter."""
+        times, memory = np.array(self.points).T
+        late = times > 0.25 * times[-1]
+        return float(np.polyfit(times[late], memory[late], 1)[0] * 3600.0)
+
+
+def growth(hours: float) -> Growth:
+    """Hop on for so many hours of simulated time."""
+    seen, settings = Growth(), flight_settings.load()
     with (
         tempfile.TemporaryDirectory() as folder,
         open_on_sand() as board,
@@ -193,16 +221,14 @@ def growth_kb_per_hour(hours: float) -> float:
         gc.disable()
         mission = plan(max(2, round(hours * 3600.0 / HOP_S)))
         resting = replace(board, clock=Resting(board.clock, log))
-        result = fly(tap_board(resting, log), settings, mission, log, watch)
-        garbage = gc.collect()
+        result = fly(tap_board(resting, log), settings, mission, log, seen)
         gc.enable()
-    times, memory = np.array(points).T
-    late = times > 0.25 * times[-1]
+    (_, first_kb), (last_s, last_kb) = seen.points[0], seen.points[-1]
     print(
-        f"  {len(result.hops)} hops in {times[-1] / 60.0:.1f} simulated minutes, {result.end_reason}; "
-        f"resident {memory[0] / 1024:.1f} to {memory[-1] / 1024:.1f} MB, {garbage} objects of garbage in cycles"
+        f"  {len(result.hops)} hops in {last_s / 60.0:.1f} simulated minutes, {result.end_reason}; "
+        f"resident {first_kb / 1024:.1f} to {last_kb / 1024:.1f} MB"
     )
-    return float(np.polyfit(times[late], memory[late], 1)[0] * 3600.0)
+    return seen
 
 
 def _resident_kb() -> float:
@@ -224,7 +250,9 @@ def measure(hours: float, jitter_s: float) -> dict[str, tuple[float, str]]:
     figures["tick_us_p999"] = (float(np.percentile(logged[:-1], 99.9)), "us")
     figures["evaluation_ms"] = (float(logged[-1]) / 1e3, "ms")
     figures["tick_no_log_us_median"] = (float(np.median(ticks(logged=False))), "us")
-    figures["growth_kb_per_hour"] = (growth_kb_per_hour(hours), "kB/h")
+    grown = growth(hours)
+    figures["growth_kb_per_hour"] = (grown.kb_per_hour, "kB/h")
+    figures["flight_garbage"] = (float(grown.flight_garbage), "1")
     messages = recorded(jitter_s)
     with real_time() as scheduler:
         measured = {"loop_late": loop_late_us(messages), "jitter": jitter_us(jitter_s)}
