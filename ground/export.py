@@ -145,9 +145,7 @@ def parquet_writer() -> Callable[[Columns], bytes]:
         arrow: Any = importlib.import_module("pyarrow")
         parquet: Any = importlib.import_module("pyarrow.parquet")
     except ImportError as error:
-        raise ConfigError(
-            "--to parquet needs pyarrow; install it with: pip install 'hopper-flight[export]'"
-        ) from error
+        raise ConfigError("--to parquet needs pyarrow; install it with: pip install pyarrow") from error
 
     def write(columns: Columns) -> bytes:
         fields = {name: arrow.array(values) for name, values in columns.items()}

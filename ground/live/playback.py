@@ -89,6 +89,8 @@ def read_recorded(path: Path, recover: bool = False, show: Callable[..., None] |
     metadata: Mapping[str, str] = {}
     damage = ""
     for part in parts_of(path):
+        if show is not None:
+            show(f"reading {part}", 0.0)
         content = read_mcap(part, recover)
         metadata, damage = metadata or content.metadata.get(METADATA_NAME, {}), content.damage
         for index, (topic, _, _, data) in enumerate(content.messages):

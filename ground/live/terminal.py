@@ -20,7 +20,13 @@ SURE_S = 3.0
 BAR = 24
 SIGNS = {"info": "i", "warning": "▲", "fault": "■"}
 STYLES = {"info": "", "warning": "yellow", "fault": "bold red"}
-PLOTS = (("compression", 1, 1e3, "mm"), ("current", 2, 1.0, "A"), ("force", 4, 1.0, "m/s²"))
+PLOTS = (
+    ("compression", 1, "compression_m", 1e3, "mm"),
+    ("current", 2, "current_a", 1.0, "A"),
+    ("force", 4, "force_m_s2", 1.0, "m/s²"),
+)
+"""Name, column of the live samples, recorded line, scale, unit."""
+SHOWN_S = 60.0
 
 
 class ConsoleApp(App[None]):
@@ -66,7 +72,7 @@ class ConsoleApp(App[None]):
             with Vertical(id="left"):
                 yield Static("spring", classes="title")
                 yield Static(id="spring")
-                for name, _, _, unit in PLOTS:
+                for name, *_, unit in PLOTS:
                     yield Static(f"{name} [{unit}]", id=f"{name}-title", classes="title", markup=False)
                     yield Sparkline([], id=f"plot-{name}", summary_function=max)
             with Vertical(id="middle"):
@@ -94,6 +100,8 @@ class ConsoleApp(App[None]):
 
     def look(self) -> None:
         """Ask for the state and show it."""
+        if not self.query("#banner"):  # a last beat of the timer while the screen is taken down
+            return
         if self.at_s is None:
             after_s = self._samples[-1][0] if self._samples else None
             state = self._show.content({"after": -1.0 if after_s is None else after_s})
@@ -167,24 +175,14 @@ class ConsoleApp(App[None]):
         banner.set_class(bool(state["loaded"] and not state["armed"]), "loaded")
 
     def _plot(self) -> None:
-        if self.at_s is not None:
-            self._samples = recorded_samples(self._show.series(max(0.0, self.at_s - 60.0), self.at_s))
-        for name, column, scale, unit in PLOTS:
-            values = [scale * value for row in self._samples[-300:] if (value := row[column]) is not None]
+        series = None if self.at_s is None else self._show.series(max(0.0, self.at_s - SHOWN_S), self.at_s)
+        for name, column, line, scale, unit in PLOTS:
+            live = [row[column] for row in self._samples[-300:]]
+            found = live if series is None else series[line]["v"]
+            values = [scale * value for value in found if value is not None]
             self.query_one(f"#plot-{name}", Sparkline).data = values
             newest = f"{values[-1]:.2f}, highest {max(values):.2f}" if values else "–"
             self.query_one(f"#{name}-title", Static).update(f"{name} {newest} {unit}")
-
-
-def recorded_samples(series: dict[str, Any]) -> list[list[float | None]]:
-    """A recording's lines as rows of samples (only those that are plotted have a value)."""
-    rows: list[list[float | None]] = []
-    for column, name in ((1, "compression_m"), (2, "current_a"), (4, "force_m_s2")):
-        for time_s, value in zip(series[name]["t"][-300:], series[name]["v"][-300:], strict=True):
-            row: list[float | None] = [time_s, None, None, None, None]
-            row[column] = value
-            rows.append(row)
-    return rows
 
 
 def bar(share: float, width: int = BAR) -> str:

@@ -48,9 +48,7 @@ def write_figures(page: Path, folder: Path) -> list[Path]:
     try:
         kaleido: Any = importlib.import_module("kaleido")
     except ImportError as error:
-        raise ConfigError(
-            "--figures needs kaleido; install it with: pip install 'hopper-flight[figures]'"
-        ) from error
+        raise ConfigError("the figures need kaleido; install it with: pip install kaleido") from error
     folder.mkdir(parents=True, exist_ok=True)
     written, jobs = [], []
     for number, (_, figure) in enumerate(figures, start=1):

@@ -62,7 +62,7 @@ DECISIONS = {
     "hopper setup": Decision(code=1, says="of 14 checks are wrong"),
     "hopper key link.key": Decision(says="link.key: written"),
     "python -m flight --board raspberry_pi --mission mission.yaml --log flight.mcap": Decision(
-        code=2, says="flight:"
+        code=2, says="this computer is not the robot"
     ),
 }
 
@@ -84,7 +84,8 @@ def test_there_is_a_decision_for_every_command_and_no_other() -> None:
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where a person would stand: one folder for all commands, in the README's order."""
     folder = tmp_path_factory.mktemp("readme")
-    (folder / "mission.yaml").write_text("name: one\nhops:\n  - {energy_j: 1.0, surface: steel}\n")
+    (mission,) = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
+    (folder / "mission.yaml").write_text(mission)
     return folder
 
 

@@ -10,7 +10,7 @@ from live_helpers import PlantedShow, channels
 
 pytest.importorskip("textual", reason="textual is not installed (extra 'ground')")
 
-from textual.widgets import Static
+from textual.widgets import Sparkline, Static
 
 from ground.live.playback import read_recorded
 from ground.live.shows import RecordedShow
@@ -38,6 +38,7 @@ def test_keys_send_commands_and_fire_takes_two() -> None:
             app.look()
             assert "ping: not sent: gone" in text_of(app, "answers")
             assert "4.0 J" in text_of(app, "spring")
+            assert "force" in text_of(app, "force-title")
 
     asyncio.run(drive())
 
@@ -53,6 +54,9 @@ def test_a_recording_is_played_with_the_arrows(flown_log: Path) -> None:
             app.look()
             assert "SAFE" in text_of(app, "banner") and "stowed" in text_of(app, "banner")
             assert "quartz sand" in text_of(app, "belief")
+            for name in ("compression", "current", "force"):
+                assert "highest" in text_of(app, f"{name}-title")
+                assert app.query_one(f"#plot-{name}", Sparkline).data
 
     asyncio.run(drive())
 
