@@ -21,7 +21,8 @@ class BackgroundLog:
 
     def __init__(self, log: McapLog, waiting_messages: int) -> None:
         self._log = log
-        self._queue: queue.Queue[tuple[str, float, Mapping[str, Any]] | None] = queue.Queue(waiting_messages)
+        self._queue: queue.SimpleQueue[tuple[str, float, Mapping[str, Any]] | None] = queue.SimpleQueue()
+        self._most = waiting_messages
         self.problem = ""
         self._broken = False
         self._thread = threading.Thread(target=self._work, name="log", daemon=True)
@@ -31,10 +32,10 @@ class BackgroundLog:
         """Queue one message; once there is a `problem`, it is dropped."""
         if self.problem:
             return
-        try:
-            self._queue.put_nowait((topic, time_s, payload))
-        except queue.Full:
-            self.problem = f"{self._queue.maxsize} messages wait for a disc that is too slow"
+        if self._queue.qsize() >= self._most:
+            self.problem = f"{self._most} messages wait for a disc that is too slow"
+            return
+        self._queue.put((topic, time_s, payload))
 
     @property
     def waiting(self) -> int:

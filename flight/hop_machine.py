@@ -51,7 +51,9 @@ def decide(
         outputs = outputs._replace(magnet_on=False)
     if tick.machine.phase is Phase.SAFE:
         outputs = Outputs()
-    after = tick.machine._replace(voltage_v=outputs.voltage_v)
+    after = tick.machine
+    if outputs.voltage_v != after.voltage_v:
+        after = after._replace(voltage_v=outputs.voltage_v)
     return Step(after, outputs, tuple(tick.events), monitors_alive=not dead)
 
 

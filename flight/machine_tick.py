@@ -75,7 +75,7 @@ class Tick:
     def drive(self, wanted_m_s: float) -> float:
         """The slew-limited voltage for a nut speed."""
         machine, settings = self.machine, self.settings
-        self.machine = machine._replace(wanted_m_s=wanted_m_s)
+        self._want(wanted_m_s)
         wanted_v = tensioning.drive_voltage_v(
             wanted_m_s, machine.speed_m_s, machine.compression_m, machine.mean_current_a, settings
         )
@@ -83,13 +83,17 @@ class Tick:
 
     def hold(self) -> float:
         """The slew-limited voltage that keeps the nut where it is."""
-        self.machine = self.machine._replace(wanted_m_s=0.0)
+        self._want(0.0)
         return self.slew(tensioning.hold_voltage_v(self.machine.compression_m, self.settings))
 
     def stop(self) -> float:
         """The slew-limited voltage on the way to none."""
-        self.machine = self.machine._replace(wanted_m_s=0.0)
+        self._want(0.0)
         return self.slew(0.0)
+
+    def _want(self, wanted_m_s: float) -> None:
+        if wanted_m_s != self.machine.wanted_m_s:
+            self.machine = self.machine._replace(wanted_m_s=wanted_m_s)
 
     def slew(self, wanted_v: float) -> float:
         tick = self.settings.tick

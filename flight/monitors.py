@@ -47,7 +47,7 @@ def watch(machine: Machine, snap: Snapshot, settings: FlightSettings) -> tuple[M
                 counts[name] = beyond.get(name, 0) + 1
         elif quantity != quantity:  # no number
             dead.append(name)
-    return machine._replace(beyond_ticks=counts), tuple(dead)
+    return (machine._replace(beyond_ticks=counts) if counts or beyond else machine), tuple(dead)
 
 
 def find_fault(machine: Machine, dead: tuple[str, ...], settings: FlightSettings) -> Fault | None:

@@ -11,11 +11,13 @@ from flight import tensioning
 from flight.settings import FlightSettings
 from flight.states import SENSORS, Machine, Phase, Snapshot
 
+_NEVER = float("-inf")
+
 Quantity = Callable[[Machine, Snapshot, FlightSettings], float | None]
 
 
 def _age_of(sensor: str) -> Quantity:
-    return lambda machine, snap, settings: snap.age_s(sensor)
+    return lambda machine, snap, settings: snap.time_s - snap.sampled_s.get(sensor, _NEVER)
 
 
 def _time_in_phase_s(machine: Machine, snap: Snapshot, settings: FlightSettings) -> float:

@@ -92,9 +92,10 @@ class HopRecorder:
             return
         newest = batch.times_s[-1]
         if now_s is not None:
-            self._clocks.setdefault(name, SensorClock()).add(newest, now_s)
-        oldest = next((kept.times_s[0] for kept in batches if kept.times_s), newest)
-        if self._holding and newest - oldest > _KEPT_S:
+            if name not in self._clocks:
+                self._clocks[name] = SensorClock()
+            self._clocks[name].add(newest, now_s)
+        if self._holding and newest - _oldest(batches, newest) > _KEPT_S:
             return
         batches.append(batch)
         while not batches[0].times_s or newest - batches[0].times_s[-1] > _KEPT_S:
@@ -130,6 +131,10 @@ class HopRecorder:
         if clock == ClockMap():
             return stamps
         return clock.origin_s + clock.offset_s + clock.rate * (stamps - clock.origin_s)
+
+
+def _oldest(batches: Iterable[Batch], newest: float) -> float:
+    return next((kept.times_s[0] for kept in batches if kept.times_s), newest)
 
 
 def _overrun(batches: Iterable[SpecificForce | SpringCompression]) -> bool:

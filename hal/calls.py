@@ -61,6 +61,9 @@ def _device_calls(device: str, protocol: type) -> dict[str, Call]:
 
 @cache
 def _field_names(reading: type) -> tuple[str, ...]:
+    """Of a data class; none of another."""
+    if not dataclasses.is_dataclass(reading):
+        return ()
     return tuple(field.name for field in dataclasses.fields(reading))
 
 
@@ -76,6 +79,8 @@ class ContractDevice:
 
     def _method(self, call: Call) -> Callable[..., Any]:
         def method(*positional: Any, **named: Any) -> Any:
+            if not call.parameters and not positional and not named:  # most calls
+                return self._act(call, {})
             return self._act(call, call.arguments(positional, named))
 
         return method
@@ -89,11 +94,12 @@ class ContractDevice:
 
 def to_plain(value: Any) -> Any:
     """A reading as a mapping of its fields, several as a list; anything else as it is."""
-    if dataclasses.is_dataclass(value):
-        return {name: getattr(value, name) for name in _field_names(value.__class__)}
+    if value is None or isinstance(value, float):
+        return value
     if isinstance(value, tuple):
         return [to_plain(item) for item in value]
-    return value
+    names = _field_names(value.__class__)
+    return {name: getattr(value, name) for name in names} if names else value
 
 
 @cache

@@ -12,6 +12,7 @@ place of the result. A property is a method without arguments, a reading the map
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from hal.board import Board
@@ -41,7 +42,7 @@ class _Recorder:
 
     def around(self, device: Any) -> Callable[[Call, dict[str, Any]], Any]:
         """What lets `device` answer a call and records it."""
-        return lambda call, arguments: self._record(device, call, arguments)
+        return partial(self._record, device)
 
     def _record(self, device: Any, call: Call, arguments: dict[str, Any]) -> Any:
         try:
