@@ -117,7 +117,7 @@ def test_the_page_carries_verdict_and_figures_and_fetches_nothing(flown: Mission
     for cell in hop_rows(flown)[0]:
         assert cell in page.text
     assert not page.fetched
-    assert html.count('data-for="figure-') == 5  # C3, belief, surfaces, tensioning, hop
+    assert html.count('data-for="figure-') == 6  # overview, C3, belief, surfaces, tensioning, hop
 
 
 def test_rows_fit_their_headers(flown: MissionRun) -> None:
