@@ -110,14 +110,14 @@ def show_recorded(show: RecordedShow, terminal: bool, port: int, browser: bool) 
 
 
 def serve(server: ConsoleServer, browser: bool) -> None:
-    """Serve until Ctrl-C."""
-    with server:
-        console.say(
-            f"console: {server.address}\nWhoever has this address can command the robot. Ctrl-C ends it."
-        )
-        if browser:
-            webbrowser.open(server.address)
-        try:
+    """Serve until Ctrl-C, whenever it comes."""
+    try:
+        with server:
+            console.say(
+                f"console: {server.address}\nWhoever has this address can command the robot. Ctrl-C ends it."
+            )
+            if browser:
+                webbrowser.open(server.address)
             threading.Event().wait()
-        except KeyboardInterrupt:
-            console.say("closing")
+    except KeyboardInterrupt:
+        console.say("closing")
