@@ -38,7 +38,13 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "hopper reproduce --table runs.csv --map hopper_runs",
     ),
     "calibrate": ("hopper calibrate",),
-    "campaign faults": ("hopper campaign faults --count 100 --seed 1 --out out/campaign-faults",),
+    "campaign faults": (
+        "hopper campaign faults --count 100 --seed 1 --out out/campaign-faults",
+        "hopper campaign faults --count 10000 --scheduler tcp://10.0.0.1:8786",
+    ),
+    "campaign missions": ("hopper campaign missions --count 200 --seed 1 --out out/campaign-missions",),
+    "campaign diagnosis": ("hopper campaign diagnosis --count 20 --processes 2",),
+    "campaign replay": ("hopper campaign replay out/campaign-faults 17",),
     "plant check": ("hopper plant check emps_mass",),
     "command": (
         "hopper command ping --port /dev/ttyUSB0 --key link.key",

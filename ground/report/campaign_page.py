@@ -138,7 +138,7 @@ def _add_dangerous(page: Page, result: CampaignResult) -> None:
     rows = [_mission_row(row) for row in result.rows if row["hazards"]]
     page.table(["index", "hazards", "faults", "end"], rows[:LONGEST_LIST])
     if len(rows) > LONGEST_LIST:
-        page.text(f"{len(rows) - LONGEST_LIST} more are in cases.jsonl.")
+        page.text(f"{len(rows) - LONGEST_LIST} more are in the Parquet files.")
 
 
 def _mission_row(row: dict[str, Any]) -> list[object]:

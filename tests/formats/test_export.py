@@ -41,7 +41,7 @@ def test_the_tables_of_a_log_hold_its_readings(flown_log: Path) -> None:
 
 
 def test_csv_and_parquet_hold_the_same(flown_log: Path, tmp_path: Path) -> None:
-    parquet: Any = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed (extra 'export')")
+    parquet: Any = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
     written = export(flown_log, tmp_path / "csv", "csv")
     export(flown_log, tmp_path / "parquet", "parquet")
     for name, count in written.items():

@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from ground.fault_campaign import campaign, flying
-from ground.fault_campaign.drawing import PlantedFault, draw_case, load_campaign
-from ground.fault_campaign.flying import fly_case
+from ground.fault_campaign.campaign import FaultStudy
+from ground.fault_campaign.drawing import CampaignSettings, FaultCase, PlantedFault, draw_case, load_campaign
+from ground.fault_campaign.flying import CaseResult, fly_case
 from ground.fault_campaign.hazards import Release, Witness, judge_releases, judge_reports
 from hal.board import open_board
 from hal.config import config_path, read_yaml
@@ -127,30 +128,42 @@ def test_a_campaign_goes_on_where_it_was_stopped_and_counts_all(
 ) -> None:
     flown: list[int] = []
 
-    def fly(job: tuple[Any, int, int]) -> dict[str, Any]:
-        flown.append(job[2])
-        faults = [{"device": "spring"}] * 2
-        hazards = ["log_lost"] if job[2] == 3 else []
-        case = {"index": job[2], "faults": faults}
-        row = {"case": case, "hazards": hazards, "effects_s": [1.0, 1.0], "came_to_nothing": 1}
-        return {**row, "end_reason": "stowed"}
+    def fly(settings: CampaignSettings, case: FaultCase) -> CaseResult:
+        flown.append(case.index)
+        fault = PlantedFault("spring", "fail", 1.0, None, 0.0)
+        hazards = ("log_lost",) if case.index == 3 else ()
+        felt = replace(case, faults=(fault, fault))
+        return CaseResult(felt, (1.0, 1.0), 1, "stowed", 0, hazards, 9.5)
 
-    monkeypatch.setattr(campaign, "_fly", fly)
+    monkeypatch.setattr(campaign, "fly_case", fly)
     shown: list[float] = []
-    first = campaign.run_campaign(SETTINGS, 4, 1, tmp_path, 1, lambda text, done: shown.append(done))
+    study = FaultStudy(SETTINGS, 1)
+    first, _ = campaign.run_campaign(study, 4, tmp_path, lambda text, done: shown.append(done))
     assert first.faults == 4
-    path = tmp_path / campaign.CASES_NAME
-    path.write_text(path.read_text(encoding="utf-8") + '{"seed": 1, "cut', encoding="utf-8")
-    result = campaign.run_campaign(SETTINGS, 10, 1, tmp_path, 1, lambda text, done: shown.append(done))
+    result, ran = campaign.run_campaign(study, 10, tmp_path, lambda text, done: shown.append(done))
     assert flown == [0, 1, 2, 3, 4]
-    assert result.faults == 10
+    assert (result.faults, ran.throughput.cases) == (10, 3)
     assert result.hazards["log_lost"] == 1
-    assert len(path.read_text(encoding="utf-8").splitlines()) == 5
+    assert [study.suspicious(row) for row in result.rows] == [False, False, False, True, False]
     assert shown == [2.0, 4.0, 6.0, 8.0, 10.0]
-    with pytest.raises(ConfigError, match="of other seed than 2"):
-        campaign.run_campaign(SETTINGS, 10, 2, tmp_path, 1, lambda text, done: None)
-    with pytest.raises(ConfigError, match="of other settings than"):
-        campaign.run_campaign(replace(SETTINGS, horizon_s=1.0), 10, 1, tmp_path, 1, lambda text, done: None)
+    for other, key in (
+        (FaultStudy(SETTINGS, 2), "seed"),
+        (FaultStudy(replace(SETTINGS, horizon_s=1.0), 1), "settings"),
+    ):
+        with pytest.raises(ConfigError, match=f"of other {key}"):
+            campaign.run_campaign(other, 10, tmp_path, lambda text, done: None)
+
+
+def test_a_row_of_a_flown_case_is_kept_as_it_is(tmp_path: Path) -> None:
+    study = FaultStudy(SETTINGS, 1)
+    result, _ = campaign.run_campaign(study, 1, tmp_path, lambda text, done: None)
+    again, ran = campaign.run_campaign(study, 1, tmp_path, lambda text, done: None)
+    assert ran.throughput.cases == 0
+    assert again == result
+    index = result.rows[-1]["index"]
+    assert json.loads(json.dumps(study.run(index))) == {
+        key: value for key, value in result.rows[-1].items() if key not in ("index", "failed")
+    }
 
 
 def test_the_figures_are_those_of_the_rows() -> None:

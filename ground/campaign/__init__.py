@@ -1,0 +1,1 @@
+"""Campaigns: many independent cases on all cores or a cluster, resumable, the same whatever the number of workers."""
