@@ -10,6 +10,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from operator import attrgetter
 from typing import Any, get_args, get_origin, get_type_hints
 
 from hal.board import Board
@@ -30,6 +31,8 @@ class Call:
 
         Raises `TypeError` when they are not those of the contract.
         """
+        if not named and len(positional) == len(self.parameters):  # nearly always
+            return dict(zip(self.parameters, positional, strict=True))
         given = {**dict(zip(self.parameters, positional, strict=False)), **named}
         if len(positional) + len(named) != len(self.parameters) or given.keys() != set(self.parameters):
             expected = ", ".join(self.parameters) or "none"
@@ -60,11 +63,15 @@ def _device_calls(device: str, protocol: type) -> dict[str, Call]:
 
 
 @cache
-def _field_names(reading: type) -> tuple[str, ...]:
-    """Of a data class; none of another."""
+def _fields_of(reading: type) -> Callable[[Any], dict[str, Any]] | None:
+    """What makes an object of a data class a mapping of its fields; None for another class."""
     if not dataclasses.is_dataclass(reading):
-        return ()
-    return tuple(field.name for field in dataclasses.fields(reading))
+        return None
+    names = tuple(field.name for field in dataclasses.fields(reading))
+    if len(names) < 2:
+        return lambda value: {name: getattr(value, name) for name in names}
+    values = attrgetter(*names)
+    return lambda value: dict(zip(names, values(value), strict=True))
 
 
 class ContractDevice:
@@ -98,8 +105,8 @@ def to_plain(value: Any) -> Any:
         return value
     if isinstance(value, tuple):
         return [to_plain(item) for item in value]
-    names = _field_names(value.__class__)
-    return {name: getattr(value, name) for name in names} if names else value
+    fields = _fields_of(value.__class__)
+    return fields(value) if fields is not None else value
 
 
 @cache
