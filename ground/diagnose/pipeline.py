@@ -43,7 +43,7 @@ Progress = Callable[[str], None]
 
 HELD_OUT_SHARE = 0.25
 """Last part of a single recording that the fit never sees."""
-LEAST_SAMPLES = 50
+LEAST_SAMPLES = 30
 APPROACH = (0.15, 0.3)
 """Shares of each recording that the refit begins with (see `fit_plant`)."""
 

@@ -31,6 +31,7 @@ MIN_WINDOW_SAMPLES = 100
 MOST_SAMPLES = 20_000
 """More samples than this teach a fit of few parameters nothing that is worth the wait: windows are then shortened
 (spread over the recordings as before), or thinned out where no input acts between samples."""
+LEAST_HEAD = 8
 NUDGES = (1.0, 1e-2, 1e-4)
 """Changes of an open start that are tried, in its unit."""
 DIFFERENCES = (2, 3, 4, 6, 8, 12, 16)
@@ -123,7 +124,8 @@ def is_open(state: State) -> bool:
 
 
 def head_of_run(run: Run, share: float = 0.03, least: int = 30) -> Run:
-    """The first samples of a run: what an open initial state may be read from."""
+    """The first samples of a run: what an open initial state may be read from; of a short run no more than a quarter."""
+    least = min(least, max(LEAST_HEAD, run.times_s.size // 4))
     count = min(run.times_s.size, max(least, int(share * run.times_s.size)))
     inputs = {name: values[:count] for name, values in run.inputs.items()}
     return replace(run, times_s=run.times_s[:count], inputs=inputs)

@@ -99,7 +99,7 @@ def test_refit_sigmas_cover_the_truth(tmp_path: Path) -> None:
 def test_too_short_a_recording_is_refused_in_words(tmp_path: Path) -> None:
     given = plant(tmp_path)
     short = cut_recording(recordings(given, seed=1, count=1)[0], 0, 20)
-    with pytest.raises(DiagnosisError, match="20 samples; a diagnosis needs at least 50"):
+    with pytest.raises(DiagnosisError, match="20 samples; a diagnosis needs at least 30"):
         diagnose([short], given, silent)
 
 
