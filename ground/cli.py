@@ -33,18 +33,18 @@ from ground.mission_summary import (
     words,
 )
 from ground.paper_cli import add_paper_commands
+from ground.plant_cli import plant_app
 from ground.recordings_cli import Json, MapOption, PlantOption, recordings_app
 from ground.replay import ReplayResult, replay_log
 from ground.report.diagnosis_page import verdict_sentence as diagnosis_sentence
 from hal.config import config_path
 from hal.raspberry_pi import setup_check
-from sim_hal.plant.simulate import compile_plant, load_plant
+from sim_hal.plant.simulate import load_plant
 
 HOPS_OF_A_GOAL = 3
 """About as many, for the moving line."""
 
 app = typer.Typer(no_args_is_help=True, help=__doc__, pretty_exceptions_enable=False)
-plant_app = typer.Typer(no_args_is_help=True, help="Plant files.")
 app.add_typer(plant_app, name="plant")
 app.add_typer(campaign_app, name="campaign")
 add_paper_commands(app)
@@ -178,22 +178,6 @@ def setup(
         console.say(setup_check.report(findings))
     if not all(finding.good for finding in findings):
         raise typer.Exit(1)
-
-
-@plant_app.command()
-def check(
-    file: Annotated[str, typer.Argument(help="Plant file, or a name in config/plant.")], as_json: Json = False
-) -> None:
-    """Read a plant file, check names, units and formulas, and list what it holds."""
-    with console.clear_errors():
-        plant = load_plant(configured("plant", file))
-        compile_plant(plant)
-    if as_json:
-        found = {name: {"value": p.value, "std": p.std, "unit": p.unit} for name, p in plant.flat().items()}
-        console.print_json({"name": plant.name, "kind": plant.kind, "parameters": found})
-        return
-    rows = [(name, f"{p.value:g}", f"{p.std:g}", p.unit) for name, p in plant.flat().items()]
-    console.table(f"{plant.name} ({plant.kind}): sound", ("parameter", "value", "std", "unit"), rows)
 
 
 def mission_watcher(show: Callable[..., None], energy_j: float, hops: int) -> Callable[[Progress], None]:

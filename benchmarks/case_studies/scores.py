@@ -40,14 +40,12 @@ class Score:
 def windows_of(recordings: Sequence[Recording], plant: Plant, samples: int) -> tuple[Segment, ...]:
     """Held-out recordings in windows of `samples`, whole ones only (a shorter recording is one window)."""
     compiled = compile_plant(plant)
-    found = []
-    for recording in recordings:
-        size = recording.times_s.size
-        for start in range(0, max(1, size - samples + 1), samples):
-            found.append(
-                segment_of(cut_recording(recording, start, min(size, start + samples)), plant, compiled)
-            )
-    return tuple(found)
+    parts = [
+        cut_recording(recording, start, min(recording.times_s.size, start + samples))
+        for recording in recordings
+        for start in range(0, max(1, recording.times_s.size - samples + 1), samples)
+    ]
+    return tuple(segment_of(part, plant, compiled) for part in parts)
 
 
 def by_plant(plant: Plant, sigmas: Float) -> Predictor:

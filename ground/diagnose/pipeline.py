@@ -261,10 +261,12 @@ def write_outcome(outcome: Outcome, folder: Path) -> None:
     """Write diagnosis.json, plant.yaml and report.html, each whole or not at all."""
     from ground.files import write_atomic
     from ground.report.diagnosis_page import write_diagnosis_page
+    from ground.typeset import equations_of, mathml
     from sim_hal.plant.simulate import save_plant
 
     folder.mkdir(parents=True, exist_ok=True)
     save_plant(outcome.plant, folder / "plant.yaml")
     text = (folder / "plant.yaml").read_text(encoding="utf-8")
-    write_diagnosis_page(folder / "report.html", outcome.diagnosis, outcome.evidence, text)
+    equations = [mathml(equation) for equation in equations_of(outcome.plant)]
+    write_diagnosis_page(folder / "report.html", outcome.diagnosis, outcome.evidence, text, equations)
     write_atomic(folder / "diagnosis.json", outcome.diagnosis.to_json())

@@ -124,7 +124,7 @@ def is_open(state: State) -> bool:
 
 
 def head_of_run(run: Run, share: float = 0.03, least: int = 30) -> Run:
-    """The first samples of a run: what an open initial state may be read from; of a short run no more than a quarter."""
+    """The first samples of a run: what an open start may be read from; of a short run no more than a quarter."""
     least = min(least, max(LEAST_HEAD, run.times_s.size // 4))
     count = min(run.times_s.size, max(least, int(share * run.times_s.size)))
     inputs = {name: values[:count] for name, values in run.inputs.items()}

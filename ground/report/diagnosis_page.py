@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -27,8 +27,10 @@ STRETCHES = 60
 CLEARLY = 2.0
 
 
-def write_diagnosis_page(path: Path, diagnosis: Diagnosis, evidence: Evidence, plant_text: str) -> Path:
-    """Write the page to `path`, whole or not at all."""
+def write_diagnosis_page(
+    path: Path, diagnosis: Diagnosis, evidence: Evidence, plant_text: str, equations: Sequence[str] = ()
+) -> Path:
+    """Write the page to `path`, whole or not at all; `equations` (MathML) are those of the extended plant."""
     page = Page(f"What the simulation of {diagnosis.plant} left out")
     page.sentence(verdict_sentence(diagnosis), "good" if diagnosis.verdict == "consistent" else "bad")
     for number, finding in enumerate(diagnosis.findings, start=1):
@@ -49,7 +51,7 @@ def write_diagnosis_page(path: Path, diagnosis: Diagnosis, evidence: Evidence, p
     add_power(page, diagnosis)
     if diagnosis.notes:
         page.section("Keep in mind", "\n\n".join(diagnosis.notes))
-    page.section("The plant with what was found").code(plant_text)
+    page.section("The plant with what was found").equations(equations).code(plant_text)
     return page.write(path)
 
 

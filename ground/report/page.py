@@ -67,6 +67,10 @@ class Page:
         """Add text in fixed width with its line breaks kept: a formula, a file, a command."""
         return self._add(f"<pre>{escape(text)}</pre>")
 
+    def equations(self, mathml: Iterable[str]) -> Page:
+        """Add equations, each a MathML element."""
+        return self._add(f'<div class="wide">{"".join(mathml)}</div>')
+
     def table(self, headers: Sequence[str], rows: Iterable[Sequence[object]], caption: str = "") -> Page:
         """Add a table. Cells are `Cell`s or anything with a text; columns of figures are set right.
 

@@ -22,7 +22,7 @@ from sim_hal.plant.units import (
     Dimension,
     UnitError,
     channel_unit,
-    check_unit,
+    check_formula,
     dimension,
     times,
     unit_of,
@@ -268,7 +268,7 @@ def _check_formulas(plant: Plant, use: EffectUse, form: Form) -> None:
     for text, unit in expected:
         try:
             if text is not None:
-                check_unit(parse(text), symbols, unit)
+                check_formula(parse(text), symbols, unit)
         except ExpressionError as error:
             raise PlantError(f"{plant.source}: effects: {use.physics_id}: {error}") from None
 

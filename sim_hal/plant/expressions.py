@@ -45,6 +45,7 @@ class ExpressionError(ValueError):
         shown = text.replace("\t", " ")
         super().__init__(f"{reason}\n    {shown}\n    {' ' * column}^")
         self.reason = reason
+        self.text = text
         self.column = column
 
 

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any
 
 from hal.config import build_settings
@@ -22,7 +23,7 @@ from sim_hal.plant.units import (
     Dimension,
     UnitError,
     channel_unit,
-    check_unit,
+    check_formula,
     dimension,
     times,
 )
@@ -151,13 +152,35 @@ _USUAL_UNITS = (
 _FORCE_UNITS = {dimension(unit): unit for unit in _USUAL_UNITS}
 
 
+_DERIVED = ("N", "V")
+
+
 def unit_text(dim: Dimension) -> str:
-    """A unit with this dimension, in the usual letters where there are some."""
+    """A unit with this dimension as a person would write it: the usual ones, else with the fewest factors."""
     if dim in _FORCE_UNITS:
         return _FORCE_UNITS[dim]
+    ways: list[tuple[str | None, int, Dimension]] = [(None, 0, dim)]
+    ways += [
+        (unit, power, times(dim, dimension(unit), Fraction(-power)))
+        for unit in _DERIVED
+        for power in (1, -1, 2, -2, 3, -3)
+    ]
+    texts = {_product(unit, power, rest): len(rest) + (power != 0) for unit, power, rest in ways}
+    return min(texts, key=lambda text: (texts[text], len(text)))
+
+
+def _product(unit: str | None, power: int, rest: Dimension) -> str:
+    """A derived unit to a power, times base units: `N*s^3/m^3`."""
     letters = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol"}
-    parts = [f"{letters.get(name, name)}^{float(power):g}" for name, power in dim]
-    return "*".join(parts) or "1"
+    factors = [(unit, Fraction(power))] if unit else []
+    factors += [(letters.get(name, name), exponent) for name, exponent in rest]
+    above = [name + _exponent(p) for name, p in factors if p > 0]
+    below = ["/" + name + _exponent(-p) for name, p in factors if p < 0]
+    return ("*".join(above) or "1") + "".join(below)
+
+
+def _exponent(power: Fraction) -> str:
+    return "" if power == 1 else f"^{float(power):g}"
 
 
 class Reader:
@@ -214,7 +237,7 @@ class Reader:
 
     def check(self, node: Node, symbols: Mapping[str, Dimension], expected: Dimension, key: str) -> None:
         try:
-            check_unit(node, symbols, expected)
+            check_formula(node, symbols, expected)
         except ExpressionError as error:
             raise self.error(key, str(error)) from None
 

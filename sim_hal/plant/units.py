@@ -6,7 +6,9 @@ Pint reads the unit texts; the check itself works on exponents of base dimension
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import difflib
+import re
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any
@@ -79,12 +81,19 @@ def times(first: Dimension, second: Dimension, power: Fraction = Fraction(1)) ->
 
 
 def describe(dim: Dimension) -> str:
-    """A dimension in words for messages, e.g. `kilogram*meter/second**2`."""
+    """A dimension in words for messages, e.g. `kg*m/s^2`."""
     if dim == BOOLEAN:
         return "true or false"
-    above = "*".join(name + (f"**{power}" if power != 1 else "") for name, power in dim if power > 0)
-    below = "".join(f"/{name}" + (f"**{-power}" if power != -1 else "") for name, power in dim if power < 0)
+    above = "*".join(_letter(name) + (f"^{power}" if power != 1 else "") for name, power in dim if power > 0)
+    below = "".join(
+        f"/{_letter(name)}" + (f"^{-power}" if power != -1 else "") for name, power in dim if power < 0
+    )
     return (above or "1") + below
+
+
+def _letter(name: str) -> str:
+    letters = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol"}
+    return letters.get(name, name)
 
 
 def check_unit(node: Node, symbols: Mapping[str, Dimension], expected: Dimension) -> None:
@@ -94,13 +103,32 @@ def check_unit(node: Node, symbols: Mapping[str, Dimension], expected: Dimension
         raise _refuse(node, f"has the unit {describe(found)}, expected {describe(expected)}")
 
 
+def check_formula(node: Node, symbols: Mapping[str, Dimension], expected: Dimension) -> None:
+    """As `check_unit`, the error pointing to the place within the whole formula."""
+    try:
+        check_unit(node, symbols, expected)
+    except ExpressionError as error:
+        whole = to_text(node)
+        place = re.search(rf"(?<!\w){re.escape(error.text)}(?!\w)", whole)
+        raise ExpressionError(error.reason, whole, place.start() if place else 0) from None
+
+
+def _unknown(name: str, symbols: Iterable[str]) -> str:
+    """What to say of a name that stands for nothing."""
+    known = sorted(symbol for symbol in symbols if symbol.isidentifier())
+    close = difflib.get_close_matches(name, known, n=1)
+    return f"{name!r} is not known here; " + (
+        f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
+    )
+
+
 def unit_of(node: Node, symbols: Mapping[str, Dimension]) -> Dimension | None:
     """Dimension of a formula, or None for a literal zero, which fits any."""
     if isinstance(node, Num):
         return None if node.value == 0.0 else PURE
     if isinstance(node, Name):
         if node.id not in symbols:
-            raise _refuse(node, f"{node.id!r} is not known here (known: {', '.join(sorted(symbols))})")
+            raise ExpressionError(_unknown(node.id, symbols), node.id, 0)
         return symbols[node.id]
     return _unit_of_op(node, symbols)
 
