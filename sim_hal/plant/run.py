@@ -49,6 +49,11 @@ class Lateness:
         late = self.delay_s + self.skew * (times_s - self.start_s)
         return np.maximum(times_s - late, self.start_s)
 
+    def before_s(self, times_s: Floats) -> Floats:
+        """(n,) by how much a reading should reach back beyond the start."""
+        late = self.delay_s + self.skew * (times_s - self.start_s)
+        return np.maximum(late - (times_s - self.start_s), 0.0)
+
     def longest_s(self, time_s: float) -> float:
         """The most by which the channel is late until a time."""
         return max(self.delay_s, self.delay_s + self.skew * (time_s - self.start_s))

@@ -11,6 +11,7 @@ import pytest
 from ground.diagnose.pipeline import diagnose
 from ground.diagnose.result import Diagnosis
 from ground.recordings.model import Recording, SensorSpec
+from sim_hal.plant.expressions import Num
 from sim_hal.plant.simulate import EffectUse, Parameter, Plant, Simulator, compile_plant, load_plant
 from sim_hal.plant.simulate import Run as PlantRun
 
@@ -106,6 +107,12 @@ def test_an_input_that_acts_a_sample_late_is_found_as_a_delay(tmp_path: Path) ->
     assert abs(delay.value - STEP_S) < 0.3 * STEP_S
 
 
+def released(truth: Plant) -> Plant:
+    """The same with a start that is given, as a simulated robot has it."""
+    states = {name: replace(state, initial=Num(0.0)) for name, state in truth.structure.states.items()}
+    return replace(truth, structure=replace(truth.structure, states=states))
+
+
 def closed_loop(truth: Plant, seed: int, kp: float = 400.0, kd: float = 40.0) -> list[Recording]:
     """A controller that keeps the cart on its reference, from noisy readings: input and noise correlate."""
     generator = np.random.default_rng(seed)
@@ -113,7 +120,7 @@ def closed_loop(truth: Plant, seed: int, kp: float = 400.0, kd: float = 40.0) ->
     for number in range(3):
         times = STEP_S * np.arange(SAMPLES)
         wanted = 0.1 * np.sin(2 * np.pi * (0.8 + 0.4 * number) * times)
-        robot = Simulator(truth, initial={"q": 0.0, "v": 0.0})
+        robot = Simulator(released(truth), initial={"q": 0.0, "v": 0.0})
         force, position, last = np.zeros(SAMPLES), np.zeros(SAMPLES), 0.0
         for k in range(SAMPLES):
             position[k] = robot.outputs()["position_m"] + NOISE_M * generator.standard_normal()
