@@ -20,6 +20,7 @@ SMALLEST_SHOWN = 6
 
 def write_page(path: Path, name: str, study: Study, results: Sequence[Result]) -> None:
     """Write NAME.md and its pictures beside it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     command = f"python -m benchmarks.case_studies {name} --data FOLDER"
     lines = [
         f"# {study.title}",
@@ -42,7 +43,6 @@ def write_page(path: Path, name: str, study: Study, results: Sequence[Result]) -
     if study.remarks:
         lines += ["## What to keep in mind", "", *(f"- {text}" for text in study.remarks), ""]
     lines += [data_section(first)]
-    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
 
 

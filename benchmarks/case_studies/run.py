@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,23 +16,27 @@ from benchmarks.case_studies.scores import Predictor, Score, blocks_of, by_plant
 from benchmarks.case_studies.sparse import sparse_terms, with_terms
 from benchmarks.case_studies.study import Study
 from ground.diagnose.evidence import LocatedForce
-from ground.diagnose.fit import Fit, fit_plant
-from ground.diagnose.locate import locate, locate_in
-from ground.diagnose.pipeline import Data, diagnose, prepare, write_outcome
+from ground.diagnose.fit import fit_plant
+from ground.diagnose.locate import cause_series, explained_by, state_space, thinned, without_start
+from ground.diagnose.pipeline import diagnose, prepare, write_outcome
 from ground.diagnose.scales import find_scales
 from ground.diagnose.segments import Segment
-from ground.diagnose.workers import Workers
+from ground.diagnose.smoothing import smooth
 from ground.recordings.model import Recording
 from hal.config import config_path
-from sim_hal.plant.simulate import Plant, load_plant
+from sim_hal.plant.simulate import Plant, SimulationError, load_plant
 
 Float = NDArray[np.float64]
 
 GIVEN, REFIT, FOUND = "plant as given", "its parameters refitted", "with what was found"
 PUBLISHED, SPARSE, BLACK_BOX = "published model", "sparse regression (PySINDy)", "black box (NARX)"
 PHYSICAL = (GIVEN, REFIT, PUBLISHED, SPARSE)
-BOX_WINDOWS = 160
+BOX_WINDOWS = 60
 """At most so many windows teach the black box."""
+STEPS = 300
+WANDER = 10.0
+"""Random-walk intensity of the missing force: its wander over a recording, squared, in typical forces."""
+BLOCKS = 20
 
 
 @dataclass(frozen=True)
@@ -72,9 +76,12 @@ def run_group(
     models = {GIVEN: plant, REFIT: plant.with_values(refit.values), FOUND: load_plant(out / "plant.yaml")}
     if study.published:
         models[PUBLISHED] = load_plant(config_path("plant", f"{study.published}.yaml"))
-    forces = located(refit, data)
-    terms: dict[str, float] = sparse_terms(forces[0]) if forces else {}
-    if terms and (sparse := with_terms(models[REFIT], forces[0], terms)) is not None:
+    balance = balance_of(diagnosis, plant)
+    typical = find_scales(refit, data.windows)[balance]["F"]
+    lacking = ForceOf(balance, typical, data.sigmas)
+    taught = lacking(models[REFIT], data.whole[0])
+    terms: dict[str, float] = sparse_terms(taught) if taught else {}
+    if taught and terms and (sparse := with_terms(models[REFIT], taught, terms)) is not None:
         models[SPARSE] = sparse
     held_out = [*data.held_out, *unseen]
     windows = windows_of(held_out, plant, study.window_samples)
@@ -85,9 +92,8 @@ def run_group(
     if box is not None:
         predictors[BLACK_BOX] = box
     whole = windows_of(held_out, plant, max(r.times_s.size for r in held_out))
-    after = None
-    if forces:
-        after = missing(models[FOUND], refit, data, forces[0].equation, data.whole[0])
+    say("estimating the force that each plant lacks")
+    forces = {name: lacking(model, data.held_out_whole[0]) for name, model in models.items()}
     longest = max(windows, key=lambda segment: float(np.nanmax(np.abs(segment.observed[:, 0]))))
     return Result(
         label=label,
@@ -95,10 +101,10 @@ def run_group(
         plant=models[FOUND],
         windowed=table(predictors, windows, plant),
         free=table(predictors, whole, plant),
-        force=force_errors(models, refit, data, forces[0].equation) if forces else {},
-        force_unit=forces[0].unit if forces else "",
-        before=forces[0] if forces else None,
-        after=after,
+        force={name: scored([f.before[:, None] ** 2], 0, BLOCKS) for name, f in forces.items() if f},
+        force_unit=plant.structure.balances[balance].unit,
+        before=forces[REFIT],
+        after=forces[FOUND],
         window=longest,
         traces={name: predictors[name](longest)[:, 0] for name in (REFIT, FOUND)},
         sparse=terms,
@@ -119,25 +125,42 @@ def table(
     return found
 
 
-def located(refit: Fit, data: Data) -> list[LocatedForce]:
-    """The forces that the refitted plant lacks, likeliest first."""
-    scales = find_scales(refit, data.windows)
-    with Workers(data.windows, data.sigmas, scales, 1) as workers:
-        return locate(refit, data.windows, data.whole[0], data.sigmas, scales, workers)
+def balance_of(diagnosis: Mapping[str, Any], plant: Plant) -> str:
+    """The balance equation that the first finding enters, else the plant's first."""
+    names = [finding["equation"] for finding in diagnosis["findings"]]
+    return next(
+        (name for name in names if name in plant.structure.balances), next(iter(plant.structure.balances))
+    )
 
 
-def missing(plant: Plant, refit: Fit, data: Data, balance: str, segment: Segment) -> LocatedForce | None:
-    """The force that a plant lacks on a segment."""
-    scales = find_scales(refit, data.windows)
-    fit = replace(refit, plant=plant, values={name: p.value for name, p in plant.flat().items()})
-    return locate_in(fit, segment, data.sigmas, balance, scales[balance]["F"])
+@dataclass(frozen=True)
+class ForceOf:
+    """Estimates the force that a plant lacks in one balance along a recording, by smoothing."""
 
+    balance: str
+    typical: float
+    sigmas: Float
 
-def force_errors(models: Mapping[str, Plant], refit: Fit, data: Data, balance: str) -> dict[str, Score]:
-    """Root mean square of the force that each plant lacks on the first held-out recording."""
-    found = {}
-    for name, plant in models.items():
-        force = missing(plant, refit, data, balance, data.held_out_whole[0])
-        if force is not None:
-            found[name] = scored([force.before[:, None] ** 2], 0, 20)
-    return found
+    def __call__(self, plant: Plant, segment: Segment) -> LocatedForce | None:
+        segment = without_start(segment, plant)
+        space = state_space(plant, self.balance, thinned(segment, STEPS), self.sigmas, self.typical)
+        duration = float(segment.run.times_s[-1] - segment.run.times_s[0])
+        try:
+            smoothed = smooth(space, WANDER * self.typical**2 / duration)
+            causes = cause_series(plant, self.balance, segment, space, smoothed)
+        except (SimulationError, np.linalg.LinAlgError):
+            return None
+        if not np.isfinite(smoothed.force).all():
+            return None
+        return LocatedForce(
+            equation=self.balance,
+            run=segment.run_name,
+            unit=plant.structure.balances[self.balance].unit,
+            times_s=space.times_s,
+            before=smoothed.force,
+            before_std=smoothed.force_std,
+            after=None,
+            causes=causes,
+            explained={n: explained_by(v, smoothed.force, smoothed.force_std) for n, v in causes.items()},
+            log_likelihood_gain=0.0,
+        )
