@@ -61,13 +61,7 @@ class Search(Trials):
             best, refused = self.best_of(current, fits)
             passed_over = passed_over or self.other_branch(current, chosen, fits, best, refused)
             if best is None:
-                both = self.pair(current, fits) if len(chosen) + 2 <= MOST_EFFECTS else None
-                if both is None:
-                    break
-                current, pair = both
-                self.progress(f"found {' with '.join(label_of(one.candidate) for one in pair)}")
-                chosen += pair
-                continue
+                break
             found = next(fit for candidate, fit in fits if candidate is best.candidate)
             share = 1.0 - found.chi2 / current.chi2
             self.progress(f"found {label_of(best.candidate)}: {share:.1%} of what was left")
@@ -116,16 +110,6 @@ class Search(Trials):
         share = self.share(min(one.fit, other.fit, key=lambda fit: fit.chi2))
         first, second = (self.held_out(named.fit).scores(share) for named in (one, other))
         return other if other.chosen and probability_better(second, first) >= ACCEPT else one
-
-    def pair(self, current: Fit, fits: Fitted) -> tuple[Fit, list[Chosen]] | None:
-        """Two effects that only together predict better."""
-        from ground.diagnose.pairs import pair_of  # it goes through this search
-
-        return pair_of(self, current, fits)
-
-    def twins_of(self, candidate: Candidate) -> tuple[Candidate, ...]:
-        """What acts like a candidate on these recordings."""
-        return self._twins.get(candidate.key, ())
 
     def settled(
         self, current: Fit, chosen: Sequence[Chosen], left: frozenset[str] = frozenset()
