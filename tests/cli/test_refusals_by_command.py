@@ -83,7 +83,7 @@ def test_a_malformed_recording(
     ("old", "new", "says"),
     [
         ('"force_n / mass"', '"force_n / (mass + * 2)"', "equations.balance.rate: not a formula"),
-        ('"force_n / mass"', '"force_n / massa"', "'massa' is not known here (known: "),
+        ('"force_n / mass"', '"force_n / massa"', "'massa' is not known here; did you mean 'mass'?"),
         ('"force_n / mass"', "\"open('a.csv')\"", "open"),
         ("value: 2.0", "value: .nan", "cart.yaml: parameters.mass.value = nan must be finite"),
         (", unit: kg", "", "cart.yaml: key parameters.mass.unit is missing"),
