@@ -46,6 +46,9 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "campaign diagnosis": ("hopper campaign diagnosis --count 20 --processes 2",),
     "campaign replay": ("hopper campaign replay out/campaign-faults 17",),
     "plant check": ("hopper plant check emps_mass",),
+    "plant show": ("hopper plant show out/diagnosis/plant.yaml --page out/equations.html",),
+    "data list": ("hopper data list",),
+    "data fetch": ("hopper data fetch emps --out data/emps",),
     "command": (
         "hopper command ping --port /dev/ttyUSB0 --key link.key",
         "hopper command tension energy_j=5 --port /dev/ttyUSB0",
