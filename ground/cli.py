@@ -18,6 +18,7 @@ from ground import api, console
 from ground.campaign_cli import campaign_app
 from ground.data_cli import data_app
 from ground.demo_cli import demo_app
+from ground.diagnose.belonging import belonging
 from ground.diagnose.pipeline import Outcome, diagnose, write_outcome
 from ground.export_cli import dictionary_app, export_app
 from ground.files import configured
@@ -118,6 +119,10 @@ def diagnose_command(
         given = load_plant(configured("plant", plant))
         reference = load_plant(configured("plant", compare)) if compare else None
         read = api.load(*recordings, mapping=mapping)
+        if any(path.is_dir() for path in recordings):  # a folder may hold other rigs' recordings as well
+            read, left_out = belonging(read, given)
+            for reason in left_out:
+                console.err.print(f"left out: {reason}", markup=False, highlight=False)
         with console.steps() as show:
             outcome = diagnose(read, given, show, reference, processes=min(4, os.cpu_count() or 1))
         write_outcome(outcome, out)

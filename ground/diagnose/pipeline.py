@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ground.diagnose.belonging import amount
 from ground.diagnose.candidates import label_of
 from ground.diagnose.chosen import Named
 from ground.diagnose.compare import compare_with
@@ -239,7 +240,7 @@ def conclude(
 
 def notes_of(data: Data, refit: Fit, named: Named) -> tuple[str, ...]:
     """What a reader must keep in mind."""
-    notes = []
+    notes = [amount((*data.fitted, *data.held_out))]
     if data.single:
         notes.append(
             f"There was one recording: its last {HELD_OUT_SHARE:.0%} was held out, so what changes from run to run "

@@ -212,13 +212,13 @@ def test_a_rig_whose_position_is_a_voltage_is_diagnosed_too(tmp_path: Path) -> N
     recordings = []
     compiled = compile_plant(given.with_effect(spring))
     for number, generator in enumerate(np.random.default_rng(9).spawn(2)):
-        times = 2e-3 * np.arange(SAMPLES)
+        times = 2e-3 * np.arange(SAMPLES // 2)
         drive = sum(
             0.05 * np.sin(2 * np.pi * f * times + generator.uniform(0.0, 6.28)) for f in (7.0, 19.0, 31.0)
         )
         run = PlantRun(times, {"drive_v": drive}, first_samples={"position_v": np.zeros(20)})
         reading = compiled.run(compiled.values, run, {"y": 0.0, "w": 0.0})[:, 0]
-        reading = reading + 1e-4 * generator.standard_normal(SAMPLES)
+        reading = reading + 1e-4 * generator.standard_normal(times.size)
         channels = {"drive_v": drive, "position_v": reading}
         recordings.append(Recording(times, channels, run=f"run_{number}", rig="box", kind="bench"))
     found = answer(recordings, given)

@@ -1,0 +1,30 @@
+"""A folder of recordings: those of the rig are taken, the others named with the reason."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from diagnose_rig import plant, recordings
+
+from ground.diagnose.belonging import amount, belonging
+from ground.recordings.model import RecordingError
+
+
+def test_recordings_of_another_rig_are_left_out_with_the_reason(tmp_path: Path) -> None:
+    given = plant(tmp_path)
+    own = recordings(given, seed=1, count=2, samples=60)
+    other = replace(own[0], run="another", channels={"temperature_k": own[0].channels["position_m"]})
+    kept, reasons = belonging([own[0], other, own[1]], given)
+    assert [one.run for one in kept] == ["run_0", "run_1"]
+    (reason,) = reasons
+    assert "another: the plant 'oscillator' needs the input 'push_n'" in reason
+    with pytest.raises(RecordingError, match="needs the input"):
+        belonging([other], given)
+
+
+def test_the_amount_of_data_is_said(tmp_path: Path) -> None:
+    own = recordings(plant(tmp_path), seed=1, count=2, samples=60)
+    assert amount(own).startswith("Data: 2 recordings, 120 samples over 1.18 s.")
+    assert amount(own[:1]).startswith("Data: 1 recording, 60 samples over 0.59 s.")
