@@ -34,6 +34,7 @@ def open_on_sand() -> SimBoard:
     """The simulated robot on sand."""
     settings = read_yaml(config_path("boards", "sim.yaml"))
     settings["spots"] = [{"surface": "quartz_sand", "foot": 1, "tilt_deg": 0.0}]
+    settings["ground_link"] = {"depth": 100}  # what the simulated ground hears is none of the robot's memory
     return open_sim(settings)
 
 
