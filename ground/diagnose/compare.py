@@ -48,7 +48,7 @@ def held_out_errors(
     for column, name in enumerate(found.structure.outputs):
         free, short = [], []
         for plant in (found, published):
-            residuals = [s.observed[:, column] - predict(plant, s, sigmas)[:, column] for s in free_run]
+            residuals = [s.judged[:, column] - predict(plant, s, sigmas)[:, column] for s in free_run]
             free.append(rms(np.concatenate(residuals)))
             short.append(float(np.sqrt(np.mean(windowed_rms(plant, windows, sigmas)[name] ** 2))))
         errors[f"held-out {name}, free run", units[name]] = (free[0], free[1])

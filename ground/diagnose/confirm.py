@@ -66,7 +66,7 @@ def holds(named: Named, search: Search, held_out: Sequence[Segment]) -> bool:
 def errors_of(fit: Fit, held_out: Sequence[Segment], sigmas: Float) -> list[Float]:
     """Standardised errors of each held-out window, (samples, outputs), NaN where nothing was measured."""
     plant = fit.plant.with_values(fit.values)
-    return [(segment.observed - predict(plant, segment, sigmas)) / sigmas for segment in held_out]
+    return [(segment.judged - predict(plant, segment, sigmas)) / sigmas for segment in held_out]
 
 
 def trial(present: Sequence[Float], one: Chosen, held_out: Sequence[Segment], search: Search) -> HeldOutTrial:

@@ -27,15 +27,17 @@ from ground.diagnose.scales import find_scales
 from ground.diagnose.segments import (
     Segment,
     channel_sigmas,
+    last_part,
     segment_of,
     segments_to_fit,
     sensor_sigma,
     sigma_vector,
     split_last_part,
+    starts_anywhere,
 )
 from ground.diagnose.verify import Verified, verify, windowed_rms
 from ground.diagnose.withdraw import withdrawals
-from ground.diagnose.workers import FINAL_TOLERANCE, Workers
+from ground.diagnose.workers import APPROACH, FINAL_TOLERANCE, Workers
 from ground.recordings.model import Recording
 from sim_hal.plant.simulate import Plant, compile_plant
 
@@ -45,8 +47,6 @@ Progress = Callable[[str], None]
 HELD_OUT_SHARE = 0.25
 """Last part of a single recording that the fit never sees."""
 LEAST_SAMPLES = 30
-APPROACH = (0.15, 0.3)
-"""Shares of each recording that the refit begins with (see `fit_plant`)."""
 
 
 class DiagnosisError(ValueError):
@@ -96,13 +96,17 @@ def prepare(recordings: Sequence[Recording], plant: Plant) -> Data:
     compiled = compile_plant(plant)
     names = compiled.output_names
     sigmas = channel_sigmas(fitted, plant, names)
+    windows = segments_to_fit(held_out, plant, compiled)
+    whole = tuple(segment_of(recording, plant, compiled) for recording in held_out)
+    if len(recordings) == 1 and not starts_anywhere(compiled):
+        windows = whole = (last_part(recordings[0], plant, compiled, HELD_OUT_SHARE),)
     return Data(
         fitted=fitted,
         held_out=held_out,
         windows=segments_to_fit(fitted, plant, compiled),
         whole=tuple(segment_of(r, plant, compiled) for r in fitted),
-        held_out_whole=tuple(segment_of(r, plant, compiled) for r in held_out),
-        held_out_windows=segments_to_fit(held_out, plant, compiled),
+        held_out_whole=whole,
+        held_out_windows=windows,
         sigmas=sigma_vector(sigmas, names),
         noise={name: sensor_sigma(fitted, plant, name) for name in sigmas},
         single=len(recordings) == 1,

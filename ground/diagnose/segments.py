@@ -48,7 +48,8 @@ class Segment:
 
     `observed` is (samples, outputs) in the order of the plant's outputs, NaN where nothing was measured.
     `open_scales` are the initial states that must be fitted (those a plant file leaves open, and those that it reads
-    from noisy first samples), with the change of each that moves the outputs by 1 % of their range.
+    from noisy first samples), with the change of each that moves the outputs by 1 % of their range. Predictions are
+    judged from the sample `judged_from` on.
     """
 
     run_name: str
@@ -56,10 +57,16 @@ class Segment:
     observed: Float
     recording: Recording
     open_scales: Mapping[str, float]
+    judged_from: int = 0
 
     @property
     def samples(self) -> int:
         return int(self.run.times_s.size)
+
+    @property
+    def judged(self) -> Float:
+        """What was measured, (samples, outputs), NaN before `judged_from`: what a fit has seen proves nothing."""
+        return np.where(np.arange(self.samples)[:, None] < self.judged_from, math.nan, self.observed)
 
 
 def split_last_part(recording: Recording, share: float) -> tuple[Recording, Recording]:
@@ -68,6 +75,17 @@ def split_last_part(recording: Recording, share: float) -> tuple[Recording, Reco
     at = f"{recording.times_s[cut]:.2f} s"
     first, last = cut_recording(recording, 0, cut), cut_recording(recording, cut, recording.times_s.size)
     return replace(first, run=f"{recording.run} until {at}"), replace(last, run=f"{recording.run} from {at}")
+
+
+def last_part(recording: Recording, plant: Plant, compiled: CompiledPlant, share: float) -> Segment:
+    """The last `share` of a recording of a rig whose start is given: it runs from there, and is judged at the end."""
+    cut = round(recording.times_s.size * (1.0 - share))
+    return replace(segment_of(recording, plant, compiled), judged_from=cut)
+
+
+def starts_anywhere(compiled: CompiledPlant) -> bool:
+    """Whether the start of every state is fitted or read from a channel."""
+    return all(map(is_open, compiled.plant.structure.states.values()))
 
 
 def cut_recording(recording: Recording, start: int, stop: int) -> Recording:
@@ -135,8 +153,7 @@ def segments_to_fit(
     recordings: Sequence[Recording], plant: Plant, compiled: CompiledPlant
 ) -> tuple[Segment, ...]:
     """The stretches that a fit uses: windows of an equation rig that can start at any sample, else whole runs."""
-    cut = plant.kind == "equations" and all(map(is_open, compiled.plant.structure.states.values()))
-    if not cut:
+    if plant.kind != "equations" or not starts_anywhere(compiled):
         return tuple(segment_of(recording, plant, compiled) for recording in recordings)
     parts = windows_of(recordings)
     samples = sum(part.times_s.size for part in parts)

@@ -64,7 +64,7 @@ def verify(
             continue
         errors = {
             name: [
-                s.observed[:, column] - p[:, column] for s, p in zip(free_run, predictions[name], strict=True)
+                s.judged[:, column] - p[:, column] for s, p in zip(free_run, predictions[name], strict=True)
             ]
             for name in NAMES
         }
@@ -74,7 +74,7 @@ def verify(
         whiteness[channel] = Whiteness(before, after)
         for number, segment in enumerate(free_run):
             columns = [predictions[name][number][:, column] for name in NAMES]
-            measured = segment.observed[:, column]
+            measured = segment.judged[:, column]
             traces.append(
                 Trace(segment.run_name, channel, units[channel], segment.run.times_s, measured, *columns)
             )
@@ -84,7 +84,7 @@ def verify(
 def windowed_rms(plant: Plant, windows: Sequence[Segment], sigmas: Float) -> dict[str, Float]:
     """Error of each channel by window, each window anchored at its own first samples: what drift cannot fake."""
     outputs = tuple(plant.structure.outputs)
-    errors = [segment.observed - predict(plant, segment, sigmas) for segment in windows]
+    errors = [segment.judged - predict(plant, segment, sigmas) for segment in windows]
     return {name: np.array([rms(error[:, i]) for error in errors]) for i, name in enumerate(outputs)}
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ground.diagnose.candidates import Scales, ranges_of
 from ground.diagnose.fit import Fit, fit_plant
-from ground.diagnose.segments import Segment
+from ground.diagnose.segments import Segment, is_open
 from ground.pools import end_with_parent
 from sim_hal.plant.simulate import Plant
 
@@ -24,6 +24,8 @@ POLISH_TOLERANCE = 1e-5
 FINAL_TOLERANCE = 1e-7
 """Relative gain in chi-square below which a fit is done."""
 SEARCH_STEPS = 15
+APPROACH = (0.15, 0.3)
+"""Shares of each recording that are fitted first where it is simulated as a whole."""
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -58,11 +60,25 @@ def fit_job(context: Context, task: FitTask) -> Fit:
     problem = (task.plant, context.segments, context.sigmas, ranges, task.known)
     if task.depth == "search":
         return fit_plant(
-            *problem, tolerance=SEARCH_TOLERANCE, iterations=SEARCH_STEPS, near=task.near, rough=True
+            *problem,
+            tolerance=SEARCH_TOLERANCE,
+            iterations=SEARCH_STEPS,
+            approach=APPROACH if free_runs(task.plant) else (),
+            near=task.near,
+            rough=True,
         )
     if task.depth == "polish":
         return fit_plant(*problem, tolerance=POLISH_TOLERANCE, near=task.near)
     return fit_plant(*problem, tolerance=FINAL_TOLERANCE, precise=True)
+
+
+def free_runs(plant: Plant) -> bool:
+    """Whether a rig given as equations runs from a given start to its recordings' ends.
+
+    What a law does late in a free run depends on all before: a fit of the whole at once soon sticks.
+    """
+    states = plant.structure.states.values()
+    return plant.kind == "equations" and not all(is_open(state) for state in states)
 
 
 class Workers:
