@@ -184,7 +184,7 @@ def alternatives(parameter: EffectParameter, scales: Mapping[str, float]) -> tup
 
 
 def _number(node: Node, scales: Mapping[str, float]) -> float:
-    """Value of a formula of scales: numbers, names and the four operations."""
+    """Value of a formula of scales: numbers, names, the four operations, powers and `min`."""
     if isinstance(node, Num):
         return node.value
     if isinstance(node, Name):
@@ -207,4 +207,6 @@ def _apply(node: Op, values: list[float]) -> float:
             return values[0] / values[1]
         case "**":
             return float(values[0] ** values[1])
+        case "min":
+            return min(values)
     raise ValueError(f"{node.op} is not allowed in a range")

@@ -17,7 +17,15 @@ DRAG_QUADRATIC = Effect(
     forms=(
         Form(
             parameters=(
-                EffectParameter("cd_a", "m^2", "0.05", "0", "5", strength=True, least=0.0),
+                EffectParameter(
+                    "cd_a",
+                    "m^2",
+                    "min(0.05, 0.03 * F / V**2)",
+                    "0",
+                    "min(5, 5 * F / V**2)",
+                    strength=True,
+                    least=0.0,
+                ),
                 EffectParameter("rho", "kg/m^3", "1.2", "1.2", "1.2", constant=True, least=0.0),
             ),
             force="-0.5 * rho * cd_a * v * abs(v)",
