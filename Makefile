@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 GROUND := $(VENV)/.ground
 DEV := $(VENV)/.dev
 
-.PHONY: demo test docs test-kernel test-arm64 lint setup clean
+.PHONY: demo test bench check mutation docs test-kernel test-arm64 lint setup clean
 
 $(GROUND): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -31,6 +31,24 @@ lint: $(DEV)
 
 test: lint
 	$(BIN)/pytest
+
+# One table of what hopper costs and gets right, each row beside its peer: benchmarks/results.md.
+bench: $(DEV)
+	$(PIP) --editable ".[bench]"
+	$(BIN)/python -m benchmarks.bench
+
+# All gates: style, types, layers; tests with branch coverage by package; licences of what flies and of what is on the
+# ground; the wheel in a clean environment; mutants of the energy chain, its uncertainties and the monitors.
+check: lint
+	$(BIN)/pytest --cov --cov-branch --cov-report=json:out/coverage.json
+	$(BIN)/python -m benchmarks.gates coverage out/coverage.json
+	$(BIN)/python -m benchmarks.gates licences
+	$(BIN)/python -m benchmarks.gates wheel
+	$(MAKE) mutation
+
+mutation: $(DEV)
+	$(BIN)/mutmut run
+	$(BIN)/python -m benchmarks.gates mutants
 
 # The documentation as a site in out/site; a link or an anchor that leads nowhere fails it.
 docs: $(GROUND)

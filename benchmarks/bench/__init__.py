@@ -1,0 +1,1 @@
+"""One table of what hopper costs and gets right, each row beside its peer in the same run."""
