@@ -29,7 +29,6 @@ def _compiled() -> Any:
 
     slope: Any = njit(_slope)
 
-    @njit
     def rise(p: Any, start: Any, step: float) -> float:
         m_b, m_l, k_l, chi = p[0], p[1], p[5], p[6]
         x, y = start.copy(), np.empty(4)
@@ -63,7 +62,7 @@ def _compiled() -> Any:
             if m_b * x[3] + m_l * x[1] <= 0.0:
                 return float((m_b * x[2] + m_l * x[0]) / (m_b + m_l) - before)
 
-    return rise
+    return njit(rise)
 
 
 def _slope(x: Any, p: Any, stiffness: float, free: float, out: Any) -> None:
