@@ -41,8 +41,8 @@ def main() -> None:
     for label, group in groups.items():
         mine = [r for r in recordings if group is None or r.run.startswith(group.runs)]
         folder = out / label.replace(" ", "_") if label else out
-        say = progress(label)
-        results.append(run_group(study, label, mine, unseen, plant_of(study, group), folder, say))
+        tell = progress(label)
+        results.append(run_group(study, label, mine, unseen, plant_of(study, group), folder, tell))
     page = given.page or PAGES / f"{given.name.replace('_', '-')}.md"
     write_page(page, page.stem, study, results)
     print(page)
@@ -57,10 +57,10 @@ def main() -> None:
 def progress(label: str) -> Callable[[str], None]:
     """Say each step on the error channel."""
 
-    def say(text: str) -> None:
+    def tell(text: str) -> None:
         print(f"{label}: {text}" if label else text, file=sys.stderr, flush=True)
 
-    return say
+    return tell
 
 
 if __name__ == "__main__":

@@ -64,13 +64,13 @@ def run_group(
     unseen: Sequence[Recording],
     plant: Plant,
     out: Path,
-    say: Callable[[str], None],
+    tell: Callable[[str], None],
 ) -> Result:
     """Diagnose (unless `out` holds a diagnosis already), then score everything on the same held-out data."""
     if not (out / "diagnosis.json").is_file():
-        write_outcome(diagnose(recordings, plant, say), out)
+        write_outcome(diagnose(recordings, plant, tell), out)
     diagnosis = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
-    say("scoring beside the rivals")
+    tell("scoring beside the rivals")
     data = prepare(recordings, plant)
     refit = fit_plant(plant, data.windows, data.sigmas, {})
     models = {GIVEN: plant, REFIT: plant.with_values(refit.values), FOUND: load_plant(out / "plant.yaml")}
@@ -92,7 +92,7 @@ def run_group(
     if box is not None:
         predictors[BLACK_BOX] = box
     whole = windows_of(held_out, plant, max(r.times_s.size for r in held_out))
-    say("estimating the force that each plant lacks")
+    tell("estimating the force that each plant lacks")
     forces = {name: lacking(model, data.held_out_whole[0]) for name, model in models.items()}
     longest = max(windows, key=lambda segment: float(np.nanmax(np.abs(segment.observed[:, 0]))))
     return Result(
