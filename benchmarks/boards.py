@@ -16,12 +16,12 @@ which strikes once); `wire_faults_survived`: missions that went on to a hop with
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.figures import write_figures
 from flight import settings as flight_settings
 from flight.executive import fly
 from flight.mission import HopPlan, HopReport, MissionPlan, MissionResult
@@ -163,8 +163,7 @@ def main() -> None:
     for name, value in figures.items():
         print(f"{name}: {value:.3g}")
     if options.json:
-        content = {name: {"value": value, "unit": "1"} for name, value in figures.items()}
-        options.json.write_text(json.dumps({"figures": content}, indent=1) + "\n", encoding="utf-8")
+        write_figures(options.json, {name: (value, "1") for name, value in figures.items()})
     raise SystemExit(1 if figures["wire_faults_unsafe"] else 0)
 
 

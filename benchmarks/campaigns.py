@@ -9,10 +9,10 @@ Wall time: it says something only on a machine with nothing else to do.
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
 from pathlib import Path
 
+from benchmarks.figures import write_figures
 from ground.campaign.crews import crew
 from ground.campaign.engine import StudyResult, run_study
 from ground.campaign.missions import load_missions
@@ -51,7 +51,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the figures here")
     given = parser.parse_args()
     study: Study = FaultStudy(load_campaign(), SEED) if given.kind == "faults" else load_missions(SEED)
-    figures: dict[str, dict[str, object]] = {}
+    figures: dict[str, tuple[float, str]] = {}
     first: StudyResult | None = None
     for number in map(int, given.workers.split(",")):
         for place, made in (
@@ -62,10 +62,10 @@ def main() -> None:
             same = (made.rows, made.failed) == (first.rows, first.failed)
             print(f"{place} of {number}: {made.throughput.text}; rows {'the same' if same else 'DIFFER'}")
             rate = made.throughput.cases / made.throughput.seconds
-            figures[f"cases_per_s_{place}_{number}"] = {"value": rate, "unit": "1/s"}
-            figures[f"same_rows_{place}_{number}"] = {"value": float(same), "unit": "1"}
+            figures[f"cases_per_s_{place}_{number}"] = (rate, "1/s")
+            figures[f"same_rows_{place}_{number}"] = (float(same), "1")
     if given.json:
-        given.json.write_text(json.dumps({"figures": figures}, indent=1) + "\n", encoding="utf-8")
+        write_figures(given.json, figures)
 
 
 if __name__ == "__main__":

@@ -9,12 +9,13 @@ skipped (the bench hardware, unless it is asked for by `pytest -m bench -s -n0 t
 from __future__ import annotations
 
 import argparse
-import json
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from benchmarks.figures import write_figures
 
 SUITE = Path(__file__).resolve().parents[1] / "tests" / "contract"
 MARKS = {"passed": "ok", "failed": "FAILED", "skipped": "-"}
@@ -82,8 +83,7 @@ def main() -> None:
     figures |= {"rows": len(matrix.cells), "backends": len(matrix.backends)}
     print(", ".join(f"{name}: {value}" for name, value in figures.items()))
     if options.json:
-        content = {name: {"value": value, "unit": "1"} for name, value in figures.items()}
-        options.json.write_text(json.dumps({"figures": content}, indent=1) + "\n", encoding="utf-8")
+        write_figures(options.json, {name: (value, "1") for name, value in figures.items()})
     raise SystemExit(int(code))
 
 

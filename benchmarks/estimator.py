@@ -11,7 +11,6 @@ is that of benchmarks/flight_bound.py. The textbook's estimators state no sigma,
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import time
 from collections import Counter
@@ -22,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.figures import write_figures
 from benchmarks.flight_bound import flight_bound_s
 from benchmarks.hop_cases import simulate
 from benchmarks.hop_results import Outcome, figures, flown, record_of
@@ -176,8 +176,8 @@ def main() -> None:
             prefix = "" if name == OURS else f"{name}_"
             for figure, value in summary(own).items():
                 unit = next((UNITS[part] for part in figure.split("_") if part in UNITS), "1")
-                entries[prefix + figure] = {"value": value, "unit": unit}
-        options.json.write_text(json.dumps({"figures": entries}, indent=1) + "\n")
+                entries[prefix + figure] = (value, unit)
+        write_figures(options.json, entries)
 
 
 if __name__ == "__main__":

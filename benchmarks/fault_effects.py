@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from benchmarks.figures import write_figures
 from flight.log import LogSettings, McapLog
 from ground.fault_campaign import flying
 from ground.fault_campaign.drawing import CampaignSettings, FaultCase, PlantedFault, load_campaign
@@ -88,8 +89,7 @@ def main() -> None:
     counts = look(options.seed)
     print(", ".join(f"{name}: {value}" for name, value in counts.items()))
     if options.json:
-        content = {name: {"value": value, "unit": "1"} for name, value in counts.items()}
-        options.json.write_text(json.dumps({"figures": content}, indent=1) + "\n", encoding="utf-8")
+        write_figures(options.json, {name: (value, "1") for name, value in counts.items()})
     raise SystemExit(1 if counts["unseen"] or counts["hazards"] else 0)
 
 

@@ -29,6 +29,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from benchmarks.figures import write_figures
 from flight import settings as flight_settings
 from flight.background_log import BackgroundLog
 from flight.executive import Progress, fly
@@ -266,8 +267,7 @@ def main() -> None:
     for name, value in figures.items():
         print(f"{name}: {value:g} {units.get(name, '')}".rstrip())
     if options.json:
-        content = {name: {"value": value, "unit": units.get(name, "1")} for name, value in figures.items()}
-        options.json.write_text(json.dumps({"figures": content}, indent=1) + "\n", encoding="utf-8")
+        write_figures(options.json, {name: (value, units.get(name, "1")) for name, value in figures.items()})
     bad = figures["lost_arming"] or figures["fired"] or figures["corrupt_logs"]
     raise SystemExit(1 if bad or figures["max_lost_ms"] > 100.0 else 0)
 

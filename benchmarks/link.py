@@ -10,11 +10,11 @@ and then: all of these must arrive, so that the robot is known to listen.
 from __future__ import annotations
 
 import argparse
-import json
 import random
 import time
 from pathlib import Path
 
+from benchmarks.figures import write_figures
 from hal.config import config_path, load_settings
 from hal.dictionary import dictionary
 from hal.link.framing import framed
@@ -146,8 +146,7 @@ def main() -> None:
     for name, value in figures.items():
         print(f"{name}: {value:g} {units.get(name, '')}")
     if options.json:
-        content = {name: {"value": value, "unit": units.get(name, "1")} for name, value in figures.items()}
-        options.json.write_text(json.dumps({"figures": content}, indent=1) + "\n", encoding="utf-8")
+        write_figures(options.json, {name: (value, units.get(name, "1")) for name, value in figures.items()})
     raise SystemExit(1 if figures["accepted"] or figures["crashes"] else 0)
 
 

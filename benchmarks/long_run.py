@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import gc
-import json
 import resource
 import tempfile
 from collections import Counter
@@ -23,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.figures import write_figures
 from flight import settings as flight_settings
 from flight.executive import fly
 from flight.log import McapLog, parts_of
@@ -176,8 +176,7 @@ def main() -> None:
         print(f"{name:40s} {value:10.4g} {unit}")
     print("ends: " + ", ".join(f"{reason} {number}" for reason, number in seen.ends.most_common()))
     if given.json:
-        content = {name: {"value": value, "unit": unit} for name, (value, unit) in figures(seen).items()}
-        given.json.write_text(json.dumps({"figures": content}, indent=1) + "\n", encoding="utf-8")
+        write_figures(given.json, figures(seen))
 
 
 if __name__ == "__main__":

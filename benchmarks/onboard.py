@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import argparse
 import gc
-import json
 import resource
 import subprocess
 import sys
@@ -39,6 +38,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.figures import write_figures
 from benchmarks.kill import Resting
 from benchmarks.real_time import (
     FLOATS,
@@ -278,10 +278,7 @@ def main() -> None:
     for name, (value, unit) in figures.items():
         print(f"{name:24s} {value:10.4g} {unit}")
     if arguments.json:
-        content = {
-            "figures": {name: {"value": value, "unit": unit} for name, (value, unit) in figures.items()}
-        }
-        arguments.json.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_figures(arguments.json, figures)
 
 
 if __name__ == "__main__":

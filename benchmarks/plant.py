@@ -21,7 +21,6 @@ starts.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import subprocess
 import sys
@@ -34,6 +33,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.figures import write_figures
 from benchmarks.hop_peers import MuJoCoHop, Rig, by_scipy
 from benchmarks.real_time import open_on_sand, plan
 from flight import settings as flight_settings
@@ -224,8 +224,7 @@ def main() -> None:
     for name, value in figures.items():
         print(f"{name:34s} {value:.4g} {units[name]}")
     if arguments.json:
-        content = {name: {"value": value, "unit": units[name]} for name, value in figures.items()}
-        arguments.json.write_text(json.dumps({"figures": content}, indent=1) + "\n", encoding="utf-8")
+        write_figures(arguments.json, {name: (value, units[name]) for name, value in figures.items()})
 
 
 if __name__ == "__main__":

@@ -6,10 +6,10 @@ python -m benchmarks.states [--json FILE]
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
+from benchmarks.figures import write_figures
 from flight import settings as flight_settings
 from ground.state_space.explore import explore
 
@@ -38,8 +38,7 @@ def main() -> None:
         print(f"{name}: {value}")
     print(found.unsafe, found.example)
     if options.json:
-        content = {name: {"value": value, "unit": "1"} for name, value in counts.items()}
-        options.json.write_text(json.dumps({"figures": content}, indent=1) + "\n", encoding="utf-8")
+        write_figures(options.json, {name: (value, "1") for name, value in counts.items()})
     raise SystemExit(1 if unsafe else 0)
 
 

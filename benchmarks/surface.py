@@ -12,7 +12,6 @@ on these very missions; compared is what each spends at the planner's success.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -22,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.figures import write_figures
 from benchmarks.surface_exact import ExactPosterior
 from benchmarks.surface_flown import flown
 from benchmarks.surface_missions import (
@@ -297,10 +297,7 @@ def main() -> None:
             print(f"{name:42s} {value:9.4g} {unit}", flush=True)
         figures |= found
     if arguments.json:
-        content = {
-            "figures": {name: {"value": value, "unit": unit} for name, (value, unit) in figures.items()}
-        }
-        arguments.json.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_figures(arguments.json, figures)
 
 
 if __name__ == "__main__":
