@@ -110,7 +110,8 @@ class TickMeter:
         self.ticks_us: list[float] = []
         self._devices_ns = 0
         self._began_ns = time.thread_time_ns()
-        devices = {name: _Metered(getattr(board, name), self) for name in board_calls() if name != "clock"}
+        names = (name for name in board_calls() if name != "clock")
+        devices: dict[str, Any] = {name: _Metered(getattr(board, name), self) for name in names}
         self.board = Board(name=board.name, clock=_TickClock(board.clock, self), **devices)
 
     def device(self, call: Callable[..., Any], plain: tuple[Any, ...], named: dict[str, Any]) -> Any:
@@ -215,7 +216,9 @@ def growth(hours: float) -> Growth:
     with (
         tempfile.TemporaryDirectory() as folder,
         open_on_sand() as board,
-        BackgroundLog(McapLog(Path(folder) / "flight.mcap", {}, settings.log), WAITING) as log,
+        BackgroundLog(
+            McapLog(Path(folder) / "flight.mcap", {}, settings.log), WAITING, simulated_time=True
+        ) as log,
     ):
         gc.collect()
         gc.disable()

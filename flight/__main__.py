@@ -88,7 +88,11 @@ def _fly(options: argparse.Namespace) -> MissionResult:
     }
     with (
         open_board(options.board, read_yaml(where)) as opened,
-        BackgroundLog(McapLog(options.log, metadata, settings.log), settings.log.waiting_messages) as log,
+        BackgroundLog(
+            McapLog(options.log, metadata, settings.log),
+            settings.log.waiting_messages,
+            simulated_time=opened.simulated_time,
+        ) as log,
     ):
         flown = tap_board(_fitted(opened, options, key), log)
         with _quiet_collector():

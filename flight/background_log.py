@@ -2,6 +2,7 @@
 
 When the disc is full, or so slow that too many messages wait, the log gives up: `problem` says why, nothing more is
 recorded (a log with a hole could not be replayed), and the fault table has the robot relax its spring and stop.
+Where time is simulated a slow disc holds the flight up instead: how fast this machine is must not change a mission.
 """
 
 from __future__ import annotations
@@ -14,15 +15,21 @@ from typing import Any
 from flight.log import McapLog
 
 _END = None
+LOOK_AGAIN_S = 0.01
+"""How long a simulated flight waits for the log's thread before it looks whether there is one still."""
 
 
 class BackgroundLog:
-    """Hands messages to a `McapLog` in the order in which they came. Use as a context manager, or call `close`."""
+    """Hands messages to a `McapLog` in the order in which they came. Use as a context manager, or call `close`.
 
-    def __init__(self, log: McapLog, waiting_messages: int) -> None:
+    At most `waiting_messages` wait; one more is a `problem`, or waits for its turn when time is simulated.
+    """
+
+    def __init__(self, log: McapLog, waiting_messages: int, *, simulated_time: bool = False) -> None:
         self._log = log
         self._queue: queue.SimpleQueue[tuple[str, float, Mapping[str, Any]] | None] = queue.SimpleQueue()
-        self._most = waiting_messages
+        self._most, self._may_hold_up = waiting_messages, simulated_time
+        self._room = threading.Event()
         self.problem = ""
         self._broken = False
         self._thread = threading.Thread(target=self._work, name="log", daemon=True)
@@ -32,7 +39,7 @@ class BackgroundLog:
         """Queue one message; once there is a `problem`, it is dropped."""
         if self.problem:
             return
-        if self._queue.qsize() >= self._most:
+        if self._queue.qsize() >= self._most and not self._waited_for_room():
             self.problem = f"{self._most} messages wait for a disc that is too slow"
             return
         self._queue.put((topic, time_s, payload))
@@ -48,10 +55,18 @@ class BackgroundLog:
             self._queue.put(_END)
             self._thread.join()
 
+    def _waited_for_room(self) -> bool:
+        while self._may_hold_up and self._thread.is_alive() and self._queue.qsize() >= self._most:
+            self._room.clear()
+            self._room.wait(LOOK_AGAIN_S)
+        return self._may_hold_up
+
     def _work(self) -> None:
         while (message := self._queue.get()) is not _END:
             if not self._broken:  # what waited for a slow disc is still written: there is no hole before it
                 self._try(self._log.write, *message)
+            if self._queue.qsize() < self._most and not self._room.is_set():
+                self._room.set()
         self._try(self._log.close)
 
     def _try(self, act: Callable[..., None], *arguments: Any) -> None:

@@ -50,6 +50,8 @@ class Board:
     ground_link: GroundLink
     memory: Memory = field(default_factory=VolatileMemory)
     ground_memory: Memory = field(default_factory=VolatileMemory)
+    simulated_time: bool = False
+    """Whether time passes only while somebody waits for it: then a slow disc may hold the flight up, unnoticed."""
 
     def close(self) -> None:
         """Close all devices, actuators first; every one is tried even if another fails."""

@@ -44,7 +44,7 @@ class Call:
 def board_calls() -> Mapping[str, Mapping[str, Call]]:
     """All calls of a board: by device, then by method."""
     hints = get_type_hints(Board)
-    devices = [field.name for field in dataclasses.fields(Board) if field.name != "name"]
+    devices = [each.name for each in dataclasses.fields(Board) if hints[each.name] not in (str, bool)]
     return {device: _device_calls(device, hints[device]) for device in devices}
 
 

@@ -30,7 +30,7 @@ def tap_board(board: Board, log: LogSink) -> Board:
         name: ContractDevice(calls, recorder.around(getattr(board, name)))
         for name, calls in board_calls().items()
     }
-    return Board(name=board.name, **devices)
+    return Board(name=board.name, simulated_time=board.simulated_time, **devices)
 
 
 class _Recorder:

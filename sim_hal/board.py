@@ -72,6 +72,7 @@ def open_sim(settings: Mapping[str, Any]) -> SimBoard:
         switches=SimSwitches("switches", rig),
         watchdog=SimWatchdog("watchdog", rig),
         ground_link=link,
+        simulated_time=True,
         rig=rig,
         link=link,
     )

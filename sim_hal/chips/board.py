@@ -88,7 +88,7 @@ def open_emulated(settings: Mapping[str, Any]) -> EmulatedBoard:
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
-    return EmulatedBoard(**vars(board), rig=rig, chips=ports)
+    return EmulatedBoard(**{**vars(board), "simulated_time": True}, rig=rig, chips=ports)
 
 
 def _split(settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -12,7 +12,10 @@ import pytest
 
 from flight.background_log import BackgroundLog
 from flight.log import LogSettings, McapLog, parts_of, read_log
-from hal.log import LogError, log_problem
+from hal.board import open_board
+from hal.config import config_path, read_yaml
+from hal.log import LogError, NullLog, log_problem
+from hal.tap import tap_board
 
 SMALL = LogSettings(file_bytes=16_384, total_bytes=65_536, waiting_messages=100)
 LARGE = LogSettings(file_bytes=16_384, total_bytes=2**30, waiting_messages=100_000)
@@ -101,3 +104,22 @@ def test_a_slow_disc_keeps_nothing_waiting_beyond_its_bound() -> None:
     log.close()
     assert disc.written == [float(index) for index in range(len(disc.written))]  # in order, without a hole
     assert 90 <= len(disc.written) <= 102
+
+
+def test_where_time_is_simulated_a_slow_disc_holds_the_flight_up_and_nothing_is_lost() -> None:
+    disc = Disc()
+    log = BackgroundLog(disc, 100, simulated_time=True)  # type: ignore[arg-type]
+    threading.Timer(0.05, disc.go.set).start()
+    for index in range(1000):
+        log.write("event", float(index), {})
+        assert log.waiting <= 100
+    log.close()
+    assert not log_problem(log)
+    assert disc.written == [float(index) for index in range(1000)]
+
+
+def test_simulated_boards_say_that_their_time_is_simulated() -> None:
+    for name in ("sim", "raspberry_pi_emulated"):
+        with open_board(name, read_yaml(config_path("boards", f"{name}.yaml"))) as board:
+            assert board.simulated_time
+            assert tap_board(board, NullLog()).simulated_time
