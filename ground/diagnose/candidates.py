@@ -247,9 +247,9 @@ def fits(plant: Plant, use: EffectUse) -> bool:
 
 
 def starts_of(start: float, low: float, high: float) -> Sequence[float]:
-    """Where the search of a shape parameter begins: a size is searched by factors, a place evenly."""
+    """Where the search of a shape parameter begins: a size by factors, a place evenly and where stated."""
     if low <= 0.0 or high < NARROW * low:
-        return [low + share * (high - low) for share in PLACE_STARTS]
+        return sorted({start, *(low + share * (high - low) for share in PLACE_STARTS)})
     return sorted({min(max(start * factor, low), high) for factor in SHAPE_STARTS})
 
 

@@ -20,6 +20,7 @@ from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.locate import LocateTask, locate, still_missing
 from ground.diagnose.name import Search
 from ground.diagnose.nameless import with_formula
+from ground.diagnose.periods import with_periods
 from ground.diagnose.power import power_of, untestable
 from ground.diagnose.problem import PRIOR_REACH
 from ground.diagnose.result import Diagnosis
@@ -154,7 +155,7 @@ def diagnose(
         progress("locating what is missing")
         forces = locate(refit, data.windows, data.whole[0], data.sigmas, scales, workers)
         needless = withdrawals(refit, plant, workers) if plant.effects else ()
-        search = Search(workers, progress, plant)
+        search = Search(workers, progress, plant, with_periods(scales, forces))
         named, failed = confirmed(search.run(refit), search, data.held_out_windows)
         if unexplained(named.fit, data.windows):
             progress("looking for a formula")

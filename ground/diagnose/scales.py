@@ -21,8 +21,12 @@ TYPICAL = 95.0
 """Percentile that counts as the typical size: high, yet deaf to single spikes."""
 
 
+SHORT = 0.05
+"""A period in position, as a share of the travel, while nothing better is known."""
+
+
 def find_scales(fit: Fit, segments: Sequence[Segment]) -> dict[str, dict[str, float]]:
-    """Scales by balance equation (F, V, X, X_low, X_mid, X_high, T, M) and by output channel (Y, Y_max, T)."""
+    """Scales by balance equation (F, V, X, X_low, X_mid, X_high, P, T, M) and by output channel (Y, Y_max, T)."""
     plant = fit.plant
     duration = float(np.median([s.run.times_s[-1] - s.run.times_s[0] for s in segments]))
     formulas: dict[str, Node] = {}
@@ -81,6 +85,7 @@ def balance_scales(balance: Balance, series: dict[str, Float], duration_s: float
     if position is not None and np.ptp(position) > 0.0:
         low, high = float(np.min(position)), float(np.max(position))
         found |= {"X": high - low, "X_low": low, "X_high": high, "X_mid": 0.5 * (low + high)}
+        found["P"] = SHORT * (high - low)
     return found
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.accept import likelihood_here
-from ground.diagnose.candidates import Candidate, effect_candidates, label_of
+from ground.diagnose.candidates import Candidate, Scales, effect_candidates, label_of
 from ground.diagnose.crossval import HeldOut, cross_validate, in_sample
 from ground.diagnose.fit import Fit
 from ground.diagnose.released import released_parameters
@@ -38,10 +38,11 @@ SAME = 0.9999
 class Trials:
     """What a search tries on given segments; remembers which candidates act alike there."""
 
-    def __init__(self, workers: Workers, progress: Progress, given: Plant) -> None:
+    def __init__(self, workers: Workers, progress: Progress, given: Plant, scales: Scales) -> None:
         self.workers = workers
         self.progress = progress
         self.given = given
+        self.scales = scales
         self._twins: dict[str, tuple[Candidate, ...]] = {}
         self._screened: list[Promise] = []
 
@@ -81,7 +82,7 @@ class Trials:
     def leaders(self, current: Fit) -> list[Promise]:
         """The most promising starts of the most promising candidates; twins are set aside with their likes."""
         offered: list[Candidate] = [
-            *effect_candidates(current.plant, self.workers.context.scales),
+            *effect_candidates(current.plant, self.scales),
             *released_parameters(current.plant, self.given),
         ]
         self._screened = self.promises(current, offered)

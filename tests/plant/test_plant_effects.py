@@ -35,6 +35,7 @@ SCALES = {
     "X_low": -0.1,
     "X_high": 0.1,
     "X_mid": 0.0,
+    "P": 0.01,
 }
 DRIVE_SCALES = SCALES | {
     "F": 5e-3,
@@ -44,6 +45,7 @@ DRIVE_SCALES = SCALES | {
     "X_low": 0.0,
     "X_high": 2.5e-3,
     "X_mid": 1.2e-3,
+    "P": 1.2e-4,
 }
 
 

@@ -29,9 +29,9 @@ class EffectParameter:
     `unit` may use `force`, `velocity`, `position` and `channel`, the units of the place it enters. `start`, `low`,
     `high` span what is plausible, as formulas of the plant's parameters and the scales F (force), M (inertia),
     V (velocity), T (duration), Y (channel, Y_max its largest reading), X (travel, within X_low … X_high, X_mid its
-    middle). A strength is zero where the effect is absent; a `constant` (air density, say) is not fitted, but `also`
-    lists further values of it that are worth a try. `least`, `most` and `above` (which itself is excluded) bound what
-    is physical at all.
+    middle, P a period in it). A strength is zero where the effect is absent; a `constant` (air density, say) is not
+    fitted, but `also` lists further values of it that are worth a try. `least`, `most` and `above` (which itself is
+    excluded) bound what is physical at all.
     """
 
     name: str
