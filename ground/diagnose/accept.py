@@ -18,6 +18,9 @@ WORTHWHILE = 0.05
 """Least share of the remaining squared residual that an effect must remove where it was not fitted ..."""
 OF_EXCESS = 0.1
 """... or else of what exceeds the sensors' noise, ..."""
+EDGE_SIGMAS = 2.0
+TOLD = 0.1
+"""A parameter is at an edge of its range when it is this near to it, and told to this share of the range."""
 NATS = 10.0
 """... and then with at least this gain in log predictive density."""
 ELSEWHERE = ("ballistic", "ground_contact", "body_momentum", "leg_momentum", "latch")
@@ -37,6 +40,22 @@ def likelihood_here(candidate: Candidate, plant: Plant) -> float:
     falls = plant.kind == "drop" or candidate.equation == "ballistic"
     usual = home == "ballistic" if falls else home not in ELSEWHERE
     return simple if usual else ELSEWHERE_ODDS * simple
+
+
+def degenerate(candidate: Candidate, fit: Fit) -> int:
+    """How many of a law's shape parameters the fit has driven to an edge of their range, where it is another law.
+
+    A spring-like friction that needs no travel to build up is dry friction; it must not win by a hair over that.
+    """
+    shapes = set(fit.values) - set(candidate.strengths())
+    count = 0
+    for free, z in zip(fit.free, fit.z, strict=True):
+        if free.name in shapes and free.name.startswith(f"{candidate.key}."):
+            low, high = free.bounds()
+            sigma = fit.std[free.name] / free.scale
+            near = min(z - low, high - z) < EDGE_SIGMAS * sigma
+            count += near and sigma < TOLD * (high - low)
+    return count
 
 
 def worthwhile(before: HeldOut, after: HeldOut, nats: float) -> bool:

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.diagnose.accept import identified, likelihood_here, worthwhile
+from ground.diagnose.accept import degenerate, identified, likelihood_here, worthwhile
 from ground.diagnose.candidates import Candidate, label_of
 from ground.diagnose.chosen import Chosen, Named
 from ground.diagnose.crossval import in_sample
@@ -158,7 +158,7 @@ class Search(Trials):
         share = self.share(fits[0][1])
         before = self.held_out(current)
         tried: list[tuple[Candidate, float]] = []
-        able: list[tuple[Candidate, Float]] = []
+        able: list[tuple[Candidate, Float, float]] = []
         for candidate, fit in fits[: RIVALS + 1]:
             held = self.held_out(fit)
             scores = held.scores(share)
@@ -167,18 +167,19 @@ class Search(Trials):
             nats = float(np.sum(scores - before.scores(share)))
             useful = better >= ACCEPT and worthwhile(before, held, nats)
             if useful and identified(candidate, fit, self.workers.context.segments):
-                able.append((candidate, scores))
+                able.append((candidate, scores, self.unusual(candidate, fit)))
         if not able:
             return None, tuple(tried)
-        weights = model_weights(np.vstack([scores for _, scores in able]), [self.unusual(c) for c, _ in able])
+        weights = model_weights(np.vstack([scores for _, scores, _ in able]), [odd for _, _, odd in able])
         winner = able[int(np.argmax(weights))][0]
         rivals = tuple(candidate for candidate, _ in fits if candidate is not winner)[:RIVALS]
         better = next(p for candidate, p in tried if candidate is winner)
         return Chosen(winner, better, rivals, self._twins.get(winner.key, ()), (), current.chi2), tuple(tried)
 
-    def unusual(self, candidate: Candidate) -> float:
-        """How unlikely a candidate is beforehand, in free parameters."""
-        return -math.log(likelihood_here(candidate, self.given)) / math.log(OCCAM)
+    def unusual(self, candidate: Candidate, fit: Fit) -> float:
+        """How unlikely a candidate is beforehand, in free parameters; as fitted, it may be at the edge of another."""
+        usual = math.log(likelihood_here(candidate, self.given)) / math.log(OCCAM)
+        return degenerate(candidate, fit) - usual
 
     def replace_earlier(self, current: Fit, chosen: list[Chosen]) -> tuple[Fit, list[Chosen]]:
         """Let a rival take the place of an effect that joined earlier, where the plant then fits clearly better."""
@@ -225,8 +226,9 @@ class Search(Trials):
         scores = np.vstack(
             [self.held_out(final).scores(share), *(self.held_out(f).scores(share) for _, f in close)]
         )
-        names = [one.candidate, *(candidate for candidate, _ in close)]
-        weights = zip(names, map(float, model_weights(scores, list(map(self.unusual, names)))), strict=True)
+        rivals = [(one.candidate, final), *close]
+        shares = model_weights(scores, [self.unusual(candidate, fit) for candidate, fit in rivals])
+        weights = [(candidate, float(w)) for (candidate, _), w in zip(rivals, shares, strict=True)]
         # The plant without the effect is scored on the very data it was fitted to, which can only flatter it.
         lacking = in_sample(absent, self.workers.context.segments).scores(share)
         return replace(

@@ -62,8 +62,8 @@ class FitProblem:
 
     `ranges` gives the fit start, lower and upper limit of each effect parameter that has no prior of its own, by
     flat name. With `frozen` values nothing is fitted but the open initial states; `unknowns` are those of an earlier
-    fit of the same plant. Where a parameter shifts a
-    channel in time, differences look past the next sample: an edge between two samples tells nothing beyond them.
+    fit of the same plant. Where a parameter shifts a channel in time, differences look past the next sample: an
+    edge between two samples tells nothing beyond them.
     """
 
     def __init__(

@@ -1,0 +1,82 @@
+"""What an effect must do to be claimed: not at the edge of being another law, and better where nothing was fitted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnose_rig import friction, plant, recordings
+
+from ground.diagnose.accept import degenerate
+from ground.diagnose.candidates import EffectCandidate, effect_candidates, ranges_of
+from ground.diagnose.chosen import Chosen, Named
+from ground.diagnose.confirm import confirmed, holds
+from ground.diagnose.fit import Fit, fit_plant
+from ground.diagnose.name import Search
+from ground.diagnose.pipeline import Data, prepare
+from ground.diagnose.scales import find_scales
+from ground.diagnose.segments import sensor_sigma
+from ground.diagnose.workers import Workers
+from ground.recordings.model import Recording
+from sim_hal.plant.simulate import EffectUse, Parameter, Plant
+
+
+def refitted(given: Plant, truth: Plant, seed: int) -> tuple[Data, Fit]:
+    data = prepare(recordings(truth, seed, count=4), given)
+    return data, fit_plant(given, data.windows, data.sigmas, {})
+
+
+def with_effect(physics_id: str, data: Data, refit: Fit, start: int = 0) -> tuple[EffectCandidate, Fit]:
+    scales = find_scales(refit, data.windows)
+    candidate = next(c for c in effect_candidates(refit.plant, scales) if c.physics_id == physics_id)
+    larger = candidate.joined(refit.plant, start)
+    ranges = ranges_of(larger, scales)
+    return candidate, fit_plant(larger, data.windows, data.sigmas, ranges, tolerance=1e-6, precise=True)
+
+
+@pytest.mark.parametrize(("build_up_m", "shapes_at_edge"), [(None, 1), (4e-3, 0)])
+def test_a_friction_that_builds_up_at_once_is_at_the_edge_of_being_dry_friction(
+    tmp_path: Path, build_up_m: float | None, shapes_at_edge: int
+) -> None:
+    given = plant(tmp_path)
+    springy = {"F_d": Parameter(1.0, 0.0, "N"), "s_p": Parameter(build_up_m or 1.0, 0.0, "m")}
+    presliding = EffectUse("presliding_hysteresis", "force_balance", None, springy)
+    data, refit = refitted(given, given.with_effect(presliding if build_up_m else friction(1.0)), seed=5)
+    candidate, fit = with_effect("presliding_hysteresis", data, refit)
+    assert degenerate(candidate, fit) == shapes_at_edge
+
+
+@pytest.mark.parametrize("level_n", [0.0, 0.8])
+def test_what_was_held_out_confirms_an_effect_that_is_there_and_no_other(
+    tmp_path: Path, level_n: float
+) -> None:
+    """The search ends with friction, at the strength that was fitted or, where there is none, at a wrong one."""
+    given = plant(tmp_path)
+    truth = given.with_effect(friction(level_n)) if level_n else given
+    data, refit = refitted(given, truth, seed=6)
+    candidate, fit = with_effect("coulomb_friction", data, refit)
+    if not level_n:  # what an unlucky search may end with
+        fit = fit_plant(given.with_effect(friction(0.3)), data.windows, data.sigmas, {})
+    with Workers(data.windows, data.sigmas, find_scales(refit, data.windows), 1) as workers:
+        search = Search(workers, lambda _: None, given, workers.context.scales)
+        one = Chosen(candidate, 1.0, (), (), (), refit.chi2, absent=refit)
+        named = Named(fit, (one,), (), ())
+        kept, failed = confirmed(named, search, data.held_out_windows)
+        assert holds(named, search, data.held_out_windows) == bool(level_n)
+    assert bool(kept.chosen) == bool(level_n)
+    assert bool(failed) != bool(level_n)
+
+
+@pytest.mark.parametrize("noise_m", [1e-6, 1e-4, 1e-2])
+@pytest.mark.parametrize("per_cycle", [12, 50, 400])
+def test_the_sensors_noise_is_read_from_the_readings(tmp_path: Path, noise_m: float, per_cycle: int) -> None:
+    given = plant(tmp_path)
+    bare = Plant(**{**vars(given), "sensors": {}})
+    generator = np.random.default_rng(3)
+    times = 0.01 * np.arange(6000)
+    reading = 0.05 * np.sin(2.0 * np.pi * np.arange(6000) / per_cycle)
+    noisy = reading + noise_m * generator.standard_normal(times.size)
+    channels = {"push_n": 0.0 * times, "position_m": noisy}
+    run = Recording(times, channels, run="run", rig="oscillator", kind="bench")
+    assert sensor_sigma([run], bare, "position_m") == pytest.approx(noise_m, rel=0.15)
