@@ -24,6 +24,7 @@ from ground.files import configured
 from ground.importing import import_recordings
 from ground.mission_run import plan_mission, run_mission
 from ground.mission_summary import MissionRun
+from ground.progress import steps_of
 from ground.recordings import Recording, RecordingError, load_recordings, save_recording
 from ground.report.page import BLUE, GREEN, ORANGE, RED, VIOLET
 from sim_hal.plant.simulate import Plant, compile_plant, load_plant, save_plant
@@ -93,7 +94,7 @@ def diagnose(
     `out` is a folder for page, plant and JSON; `compare` a plant with published values; `show` is told each step.
     Raises `DiagnosisError` when the recordings cannot be diagnosed with this plant.
     """
-    outcome = pipeline.diagnose(tuple(recordings), model, show, compare, processes=processes)
+    outcome = pipeline.diagnose(tuple(recordings), model, steps_of(show), compare, processes=processes)
     if out is not None:
         write_outcome(outcome, Path(out))
     return outcome

@@ -124,7 +124,9 @@ def replay(
         for key, value in stamp_of(study).items():
             if stamp.get(key) != value:
                 console.err.print(f"note: {key} is another by now, so the case may come out otherwise")
-        row, error = engine.replay(study, case)
+        with console.steps() as show:
+            show(f"doing case {case} again")
+            row, error = engine.replay(study, case)
     console.print_json(row)
     if error:
         console.err.print(error, markup=False, highlight=False)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from datetime import timedelta
+from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,13 +19,15 @@ from rich.progress import (
     Progress,
     ProgressColumn,
     SpinnerColumn,
+    Task,
     TextColumn,
     TimeElapsedColumn,
-    TimeRemainingColumn,
 )
 from rich.table import Table
+from rich.text import Text
 
 from ground.diagnose.pipeline import DiagnosisError
+from ground.progress import Show
 from ground.recordings.model import RecordingError
 from ground.report.figure_files import write_figures
 from hal.errors import HalError
@@ -35,6 +39,9 @@ FigureFolder = Annotated[
 
 out = Console()
 err = Console(stderr=True)
+
+LINES_EVERY_S = 20.0
+"""How often long work says how far it is where no line can move."""
 
 USER_ERRORS = (HalError, RecordingError, DiagnosisError, SimulationError, OSError)
 """Errors whose message is written for a person: they end a command without a traceback, with exit code 2."""
@@ -70,31 +77,69 @@ def _notes(error: BaseException) -> list[str]:
     return list(getattr(error, "__notes__", ()))
 
 
+class TimeLeft(ProgressColumn):
+    """How long the work will still take, by its mean pace so far; it counts down between two reports."""
+
+    def render(self, task: Task) -> Text:
+        """The time left, or that it is not known yet."""
+        return Text(f"about {left} left" if (left := time_left(task)) else "")
+
+
+def time_left(task: Task) -> str:
+    """What is left of a task by its mean pace so far; empty while nothing of it is done.
+
+    Rich's own estimate needs two reports within seconds of each other, which long steps do not give.
+    """
+    left_s = task.fields["ends_s"] - task.get_time()
+    return str(timedelta(seconds=max(0, round(left_s)))) if isfinite(left_s) else ""
+
+
+def _ends_s(task: Task) -> float:
+    """When a task will be done, on its own clock [s]."""
+    share = task.completed / (task.total or 1.0)
+    return task.get_time() + (task.elapsed or 0.0) * (1.0 - share) / share if share > 0.0 else inf
+
+
 @contextmanager
-def steps(total: float | None = None) -> Iterator[Callable[..., None]]:
-    """A line that moves while long work goes on: call it with a text, and how much of `total` is done."""
-    columns: list[ProgressColumn] = [SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()]
-    if total is not None:
-        columns[2:] = [BarColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()]
+def steps(total: float = 1.0) -> Iterator[Show]:
+    """A line that moves while long work goes on: call it with a text, and how much of `total` is done.
+
+    Where standard error is no terminal, a line is written there instead for each new step, and every `LINES_EVERY_S`.
+    """
+    columns: list[ProgressColumn] = [SpinnerColumn(), TextColumn("{task.description}")]
+    columns += [BarColumn(bar_width=20), TimeElapsedColumn(), TimeLeft()]
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
-        task = progress.add_task("starting", total=total)
+        progress.add_task("starting", total=total, ends_s=inf)
+        (task,) = progress.tasks
+        said_s = -inf
 
         def show(text: str, done: float | None = None) -> None:
-            progress.update(task, description=text, completed=done)
-            if not err.is_terminal and done is None:
-                print(text, file=sys.stderr, flush=True)
+            nonlocal said_s
+            new = text != task.description and done is None
+            progress.update(task.id, description=text, completed=done)
+            if done is not None:
+                progress.update(task.id, ends_s=_ends_s(task))
+            if not err.is_terminal and (new or task.get_time() - said_s >= LINES_EVERY_S):
+                said_s = task.get_time()
+                print(_line(task), file=sys.stderr, flush=True)
 
         yield show
 
 
-def draw_figures(page: Path, folder: Path | None, quiet: bool = False) -> None:
-    """Write the plots of a page as files, if a folder was asked for."""
-    if folder is not None:
-        with steps() as show:
-            show(f"drawing the figures of {page}")
-            written = write_figures(page, folder)
-        if not quiet:
-            say(f"{folder}: {len(written)} files")
+def _line(task: Task) -> str:
+    left = time_left(task)
+    return f"{task.description} ({task.percentage:.0f} %, about {left} left)" if left else task.description
+
+
+def draw_figures(page: Path, folder: Path | None, quiet: bool = False) -> list[Path]:
+    """Write the plots of a page as files, if a folder was asked for; returns the files."""
+    if folder is None:
+        return []
+    with steps() as show:
+        written = write_figures(page, folder, show)
+    if not quiet:
+        say(f"{folder}: {len(written)} files")
+    return written
 
 
 def say(text: str) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from ground.progress import Show, nobody
 from hal.config import Limits, config_path, load_settings
 from hal.errors import ConfigError
 
@@ -56,7 +57,7 @@ def known_sets(table: Path | None = None) -> dict[str, DataSet]:
     return found
 
 
-def fetch(name: str, folder: Path, table: Path | None = None) -> list[Path]:
+def fetch(name: str, folder: Path, table: Path | None = None, show: Show = nobody) -> list[Path]:
     """Fetch a data set's files into a folder; those that are there already with the right checksum stay.
 
     Raises `ConfigError` for an unknown name, `FetchError` when a file cannot be had or is another one.
@@ -70,9 +71,32 @@ def fetch(name: str, folder: Path, table: Path | None = None) -> list[Path]:
     paths = []
     for file, remote in sets[name].files.items():
         try:
-            paths.append(Path(pooch.retrieve(remote.url, f"sha256:{remote.sha256}", file, folder)))
+            load = pooch.HTTPDownloader(progressbar=_Loaded(show, f"fetching {remote.url}"))
+            found = pooch.retrieve(remote.url, f"sha256:{remote.sha256}", file, folder, downloader=load)
+            paths.append(Path(found))
         except ValueError as error:
             raise FetchError(f"{remote.url}: is not the file that the table knows ({error})") from error
         except OSError as error:  # of requests and of the file system
             raise FetchError(f"{remote.url}: cannot be fetched ({error})") from error
     return paths
+
+
+class _Loaded:
+    """What pooch tells of a download, as a share of its bytes; `total` is set by pooch."""
+
+    total = 0
+
+    def __init__(self, show: Show, text: str) -> None:
+        self._show, self._text, self._done = show, text, 0
+
+    def update(self, more: int) -> None:
+        """So many bytes more."""
+        self._done += more
+        self._show(self._text, self._done / self.total if self.total else None)
+
+    def reset(self) -> None:
+        """From the start again."""
+        self._done = 0
+
+    def close(self) -> None:
+        """All is there."""

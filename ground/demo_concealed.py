@@ -16,11 +16,13 @@ from typing import Any
 import numpy as np
 
 from flight.energy import RigConstants, height_of_energy_m
+from flight.executive import Progress
 from flight.mission import HopPlan, MissionPlan
 from flight.uncertain import Uncertain
 from ground.diagnose.pipeline import Outcome, diagnose, write_outcome
 from ground.mission_run import run_mission
 from ground.mission_summary import HopOutcome, MissionRun
+from ground.progress import Show, nobody, part_of
 from hal.config import config_path, read_yaml
 from hal.errors import ConfigError
 from sim_hal.plant.simulate import EffectUse, Parameter, Plant, load_plant, save_plant
@@ -28,9 +30,9 @@ from sim_hal.truth import REFERENCE, hop_truth
 
 NOTHING = "nothing"
 FIT_TRIES = 200
+FLYING = 0.05
+"""Share of the whole time that each of the two missions takes, about."""
 WAYS = ("lumped C2 and C3", "refitted nominal plant", "plant found")
-
-Steps = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,7 @@ def demonstrate(
     folder: Path,
     hide: str = "soil_rate_dependence",
     seed: int = 1,
-    show: Steps = lambda _text: None,
+    show: Show = nobody,
     scenario: Scenario | None = None,
     processes: int = 1,
 ) -> Concealed:
@@ -147,17 +149,17 @@ def demonstrate(
     folder.mkdir(parents=True, exist_ok=True)
     save_plant(truth, folder / "true_plant.yaml")
     plan = plan_of(scenario)
-    show(f"flying {len(plan.hops)} hops on a robot that hides {hide.replace('_', ' ')}")
+    watch = watcher(part_of(show, 0.0, FLYING), f"a robot that hides {hide.replace('_', ' ')}", plan)
     changes = {"plants": {"hop": str((folder / "true_plant.yaml").resolve())}}
-    flown = run_mission(plan, folder / "mission", seed=seed, changes=changes)
+    flown = run_mission(plan, folder / "mission", seed=seed, changes=changes, watch=watch)
     last = 1 + len(scenario.learning_energies_j)
     learned, later = flown.hops[1:last], flown.hops[last:]
     recordings = [hop.hop for hop in learned if hop.hop is not None]
-    outcome = diagnose(recordings, nominal, show, processes=processes)
+    outcome = diagnose(recordings, nominal, part_of(show, FLYING, 1.0 - FLYING), processes=processes)
     write_outcome(outcome, folder / "diagnosis")
-    show("flying the next hops in simulation, with what was found")
+    watch = watcher(part_of(show, 1.0 - FLYING, 1.0), "the plant found", plan)
     found = {"plants": {"hop": str((folder / "diagnosis" / "plant.yaml").resolve())}}
-    rehearsed = run_mission(plan, folder / "rehearsal", seed=seed + 1, changes=found)
+    rehearsed = run_mission(plan, folder / "rehearsal", seed=seed + 1, changes=found, watch=watch)
     show("predicting the next hops")
     plants = {"refitted nominal plant": refitted(nominal, outcome), "plant found": outcome.plant}
     c3 = float(np.mean([hop.report.c3.value for hop in learned if hop.report.c3 is not None]))
@@ -175,6 +177,19 @@ def demonstrate(
         rehearsed=tuple(rehearsed.hops[last:]),
         folder=folder,
     )
+
+
+def watcher(show: Show, robot: str, plan: MissionPlan) -> Callable[[Progress], None]:
+    """Tells how far a mission is."""
+    energies = [hop.energy_j for hop in plan.hops]
+
+    def watch(progress: Progress) -> None:
+        at = min(progress.hop_index, len(energies) - 1)
+        stored_j = min(progress.energy_used_j, energies[at])
+        done = (sum(energies[:at]) + stored_j) / sum(energies)
+        show(f"flying {len(energies)} hops on {robot}", done)
+
+    return watch
 
 
 def published_c3(surface: str) -> tuple[float, float]:

@@ -17,10 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from flight.log import METADATA_NAME, parts_of
+from flight.log import parts_of
 from flight.mcap_stream import TIME_FIELD, decode_json, read_mcap, unit_of
 from ground.files import whole_folder, write_atomic
+from ground.progress import Show, nobody, part_of
 from ground.recordings.loading import load_recording
+from ground.recordings.mcap_file import is_flight_log
 from ground.recordings.model import Recording
 from hal.errors import ConfigError
 
@@ -29,9 +31,12 @@ FORMATS = ("csv", "parquet")
 MARKER = "export.json"
 TOLD = ("outputs", "state", "event", "hop")
 TIMES = ("time_s", "times_s")
+READING_SHARE = 0.6
+"""Of the time of an export, about; the rest is writing."""
+PROGRESS_EVERY = 100_000
 
 
-def export(path: Path, folder: Path, kind: str, recover: bool = False) -> dict[str, int]:
+def export(path: Path, folder: Path, kind: str, recover: bool = False, show: Show = nobody) -> dict[str, int]:
     """Write the tables of a log or recording into `folder`; returns rows by file name.
 
     Raises `ConfigError` for an unknown kind or a missing library, `LogError` or `RecordingError` for the file.
@@ -39,9 +44,14 @@ def export(path: Path, folder: Path, kind: str, recover: bool = False) -> dict[s
     if kind not in FORMATS:
         raise ConfigError(f"--to {kind!r} is no format; known: {', '.join(FORMATS)}")
     write: Callable[[Columns], bytes] = csv_bytes if kind == "csv" else parquet_writer()
-    tables = tables_of(path, recover)
+    tables = tables_of(path, recover, part_of(show, 0.0, READING_SHARE))
+    writing = part_of(show, READING_SHARE, 1.0)
+    cells = sum(len(columns) * rows_of(columns) for columns in tables.values()) or 1
+    done = 0
     with whole_folder(folder, MARKER) as work:
         for name, columns in tables.items():
+            writing(f"writing {name}.{kind}", done / cells)
+            done += len(columns) * rows_of(columns)
             write_atomic(work / f"{name}.{kind}", write(columns))
         units = {name: {key: unit_of(key) for key in columns} for name, columns in tables.items()}
         about = {"source": str(path), "units": units}
@@ -49,10 +59,10 @@ def export(path: Path, folder: Path, kind: str, recover: bool = False) -> dict[s
     return {f"{name}.{kind}": rows_of(columns) for name, columns in tables.items()}
 
 
-def tables_of(path: Path, recover: bool = False) -> dict[str, Columns]:
+def tables_of(path: Path, recover: bool = False, show: Show = nobody) -> dict[str, Columns]:
     """The tables of a flight log, or of a recording."""
-    if path.suffix == ".mcap" and METADATA_NAME in read_mcap(path, recover).metadata:
-        return log_tables(path, recover)
+    if path.suffix == ".mcap" and is_flight_log(path):
+        return log_tables(path, recover, show)
     return recording_tables(load_recording(path))
 
 
@@ -68,11 +78,17 @@ def recording_tables(recording: Recording) -> dict[str, Columns]:
     }
 
 
-def log_tables(path: Path, recover: bool = False) -> dict[str, Columns]:
+def log_tables(path: Path, recover: bool = False, show: Show = nobody) -> dict[str, Columns]:
     """One table for each device that is read or commanded, and for what the flight software says."""
     rows: dict[str, list[dict[str, Any]]] = {}
-    for part in parts_of(path):
-        for topic, _, _, data in read_mcap(part, recover).messages:
+    parts = parts_of(path)
+    for number, part in enumerate(parts):
+        reading = part_of(show, number / len(parts), (number + 1) / len(parts))
+        reading(f"reading {part}", 0.0)
+        messages = read_mcap(part, recover).messages
+        for index, (topic, _, _, data) in enumerate(messages):
+            if index % PROGRESS_EVERY == 0:
+                reading(f"reading {part}", 0.3 + 0.7 * index / len(messages))
             if topic in TOLD or b'"read"' in data or b'"set_voltage_v"' in data or b'"switch_o' in data:
                 _take(rows.setdefault(topic, []), topic, decode_json(data))
     return {topic: _columns(found) for topic, found in rows.items() if found}

@@ -12,10 +12,12 @@ from ground import console
 from ground.calibration.run import (
     CALIBRATION_HEADERS,
     calibrate_surfaces,
+    calibration_content,
     calibration_rows,
     write_calibration,
 )
 from ground.files import configured
+from ground.recordings_cli import Json
 from ground.reproduce.command import (
     CONSOLE_HEADERS,
     JSON_NAME,
@@ -78,13 +80,17 @@ def calibrate(
     write: Annotated[
         bool, typer.Option("--write", help="Write config/surfaces.yaml and the plants.")
     ] = False,
+    as_json: Json = False,
 ) -> None:
     """Fit the simulated soils to the published dissipation, and show target and fit."""
     with console.clear_errors():
         with console.steps() as show:
             calibration, soils = calibrate_surfaces(show)
         fits = calibration.table(soils)
-        if write:
-            for path in write_calibration(calibration, soils, fits):
-                console.say(f"{path}: written")
+        written = write_calibration(calibration, soils, fits) if write else []
+    if as_json:
+        console.print_json(calibration_content(fits, written))
+        return
+    for path in written:
+        console.say(f"{path}: written")
     console.table("C3 of fresh soil, %", CALIBRATION_HEADERS, calibration_rows(fits))

@@ -197,7 +197,7 @@ def answers(repeats: int) -> list[Row]:
 
 
 def _ours(case: BlindCase) -> set[str]:
-    found = diagnose(case.train, case.plant, lambda _text: None, processes=1).diagnosis
+    found = diagnose(case.train, case.plant, processes=1).diagnosis
     return {finding.physics_id for finding in found.findings}
 
 
@@ -252,7 +252,7 @@ def diagnosis_growth(repeats: int) -> list[Growth]:
     runs = (*case.train, *case.test)
 
     def spent(recordings: tuple[object, ...]) -> float:
-        return seconds(lambda: diagnose(recordings, case.plant, lambda _text: None, processes=1))  # type: ignore[arg-type]
+        return seconds(lambda: diagnose(recordings, case.plant, processes=1))  # type: ignore[arg-type]
 
     def thinned(step: int) -> tuple[object, ...]:
         return tuple(

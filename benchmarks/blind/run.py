@@ -41,7 +41,7 @@ def row_of(task: Task) -> Row:
     }
     start = time.perf_counter()
     try:
-        outcome = diagnose(case.train, case.plant, lambda _text: None, processes=1)
+        outcome = diagnose(case.train, case.plant, processes=1)
     except Exception as error:  # whatever goes wrong is the figure to report
         return row | {"error": f"{type(error).__name__}: {error}", "seconds": time.perf_counter() - start}
     row["seconds"] = time.perf_counter() - start

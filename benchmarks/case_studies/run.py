@@ -22,6 +22,7 @@ from ground.diagnose.pipeline import diagnose, prepare, write_outcome
 from ground.diagnose.scales import find_scales
 from ground.diagnose.segments import Segment
 from ground.diagnose.smoothing import smooth
+from ground.progress import steps_of
 from ground.recordings.model import Recording
 from hal.config import config_path
 from sim_hal.plant.simulate import Plant, SimulationError, load_plant
@@ -68,7 +69,7 @@ def run_group(
 ) -> Result:
     """Diagnose (unless `out` holds a diagnosis already), then score everything on the same held-out data."""
     if not (out / "diagnosis.json").is_file():
-        write_outcome(diagnose(recordings, plant, tell), out)
+        write_outcome(diagnose(recordings, plant, steps_of(tell)), out)
     diagnosis = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
     tell("scoring beside the rivals")
     data = prepare(recordings, plant)

@@ -13,11 +13,11 @@ from scipy.optimize import least_squares
 from flight.settings import RigSettings
 from ground.calibration.hop_model import HopModel
 from ground.calibration.targets import CalibrationSettings, middles, rows_of
+from ground.progress import Show
 from ground.reproduce.paper import Paper, PaperSurface
 from sim_hal.soils import FootLaw, Pad, Soil, Soils, TiltLaw, ground_of
 
 Array = NDArray[np.float64]
-Show = Callable[[str], None]
 
 _STEP = 2e-3  # of the derivatives: far above what the simulation's own error can move
 _LOOSEST = 10.0
@@ -49,8 +49,11 @@ class Calibration:
     def fitted(self, show: Show) -> Soils:
         """All soils, each fitted to its rows of Table 5."""
         soils = self._start()
-        for name in self.settings.soils:
-            show(f"fitting {name.replace('_', ' ')}")
+        work = {name: sum(row.runs for row in rows_of(self.paper, name)) for name in self.settings.soils}
+        done = 0
+        for name, runs in work.items():
+            show(f"fitting {name.replace('_', ' ')}", done / sum(work.values()))
+            done += runs
             soils = self._fit_soil(soils, name)
         return soils
 

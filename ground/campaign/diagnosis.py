@@ -88,7 +88,7 @@ class DiagnosisStudy:
         energies_j = tuple(log_uniform(rng, ranges.energies_j) for _ in range(hops))
         board_seed = int(rng.integers(2**31))
         recordings = _flown(ranges, plant, energies_j, board_seed, f"case-{index}")
-        found = diagnose(recordings, nominal_hop_plant(), lambda _text: None, processes=1).diagnosis
+        found = diagnose(recordings, nominal_hop_plant(), processes=1).diagnosis
         findings = [
             {"physics": each.physics_id, "probability": each.probability, "equation": each.equation}
             for each in found.findings

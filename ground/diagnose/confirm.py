@@ -48,7 +48,7 @@ def confirmed(named: Named, search: Search, held_out: Sequence[Segment]) -> tupl
         if not lost:
             break
         worst = named.chosen[min(lost)[1]]
-        search.progress(f"{label_of(worst.candidate)} does not hold on what was held out")
+        search.outlook.say(f"{label_of(worst.candidate)} does not hold on what was held out")
         failed.append(label_of(worst.candidate))
         named = search.again_without(named, worst)
     return named, tuple(failed)

@@ -10,7 +10,7 @@ the others in place: that contest gives the probabilities.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,7 +27,6 @@ from ground.diagnose.trials import HOPELESS, RIVALS, Fitted, Trials
 from ground.diagnose.workers import FitTask
 
 Float = NDArray[np.float64]
-Progress = Callable[[str], None]
 Branch = tuple[Fit, list[Chosen]]
 
 ACCEPT = 0.95
@@ -49,7 +48,7 @@ class Search(Trials):
         named, passed_over = self.follow(refit, [])
         if passed_over is None:
             return named
-        self.progress(f"going back to {label_of(passed_over[1][-1].candidate)}")
+        self.outlook.say(f"going back to {label_of(passed_over[1][-1].candidate)}")
         other, _ = self.follow(*passed_over)
         return self.better_of(named, other)
 
@@ -64,7 +63,7 @@ class Search(Trials):
                 break
             found = next(fit for candidate, fit in fits if candidate is best.candidate)
             share = 1.0 - found.chi2 / current.chi2
-            self.progress(f"found {label_of(best.candidate)}: {share:.1%} of what was left")
+            self.outlook.say(f"found {label_of(best.candidate)}: {share:.1%} of what was left")
             current = found
             chosen.append(best)
             current, chosen = self.replace_earlier(current, chosen)
@@ -121,19 +120,19 @@ class Search(Trials):
         """
         if not chosen:
             return current, ()
-        self.progress("settling the extended plant")
+        self.outlook.begin("settle", "settling the extended plant")
         (current,) = self.fitted([FitTask(current.plant, current, current.values, "final")])
         final = tuple(self.contest(current, one) for one in chosen)
         least = min(final, key=lambda one: one.probability_better)
         if len(final) > 1 and least.probability_better < NEEDLESS:
-            self.progress(f"leaving out {label_of(least.candidate)}")
+            self.outlook.say(f"leaving out {label_of(least.candidate)}")
             return self.settled(
                 self.without(current, least), [one for one in final if one is not least], left
             )
         for one in final:
             if (better := one.outdone_by(left)) is not None:
                 rival, fit = better
-                self.progress(f"replacing {label_of(one.candidate)} by {label_of(rival)}")
+                self.outlook.say(f"replacing {label_of(one.candidate)} by {label_of(rival)}")
                 changed = [self.given_way(each, rival) if each is one else each for each in final]
                 return self.settled(fit, changed, left | {one.candidate.key})
         return current, final
@@ -189,7 +188,7 @@ class Search(Trials):
                 continue
             rival = swapped[0][0]
             ((_, current),) = self.polished(swapped[:1])
-            self.progress(f"replacing {label_of(one.candidate)} by {label_of(rival)}")
+            self.outlook.say(f"replacing {label_of(one.candidate)} by {label_of(rival)}")
             chosen[number] = self.given_way(one, rival)
         return current, chosen
 
@@ -207,7 +206,7 @@ class Search(Trials):
             starts.setdefault(promise.candidate.key, promise)
         if starts:
             names = ", ".join(label_of(promise.candidate) for promise in starts.values())
-            self.progress(f"trying {names} for {label_of(one.candidate)}")
+            self.outlook.begin("replace", f"trying {names} for {label_of(one.candidate)}")
         tasks = [
             FitTask(p.candidate.joined(absent.plant, p.start), absent, p.values) for p in starts.values()
         ]

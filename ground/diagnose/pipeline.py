@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.locate import LocateTask, locate, still_missing
 from ground.diagnose.name import Search
 from ground.diagnose.nameless import with_formula
+from ground.diagnose.outlook import Outlook
 from ground.diagnose.periods import with_periods
 from ground.diagnose.power import power_of, untestable
 from ground.diagnose.problem import PRIOR_REACH
@@ -39,11 +40,11 @@ from ground.diagnose.segments import (
 from ground.diagnose.verify import Verified, verify, windowed_rms
 from ground.diagnose.withdraw import withdrawals
 from ground.diagnose.workers import APPROACH, FINAL_TOLERANCE, Workers
+from ground.progress import Show, nobody
 from ground.recordings.model import Recording
 from sim_hal.plant.simulate import Plant, compile_plant
 
 Float = NDArray[np.float64]
-Progress = Callable[[str], None]
 
 HELD_OUT_SHARE = 0.25
 """Last part of a single recording that the fit never sees."""
@@ -133,17 +134,19 @@ def split_whole(
 def diagnose(
     recordings: Sequence[Recording],
     plant: Plant,
-    progress: Progress,
+    show: Show = nobody,
     reference: Plant | None = None,
     processes: int = 1,
 ) -> Outcome:
     """Compare the plant's simulation with the recordings and say what it lacks.
 
     `reference` is a published model of the rig; it takes no part, it is only compared with what was found.
-    Raises `DiagnosisError`, `RecordingError` or `SimulationError`, all with words for a person.
+    `show` is told how far it is, about. Raises `DiagnosisError`, `RecordingError` or `SimulationError`, all with
+    words for a person.
     """
     data = prepare(recordings, plant)
-    progress("refitting the plant's own parameters")
+    outlook = Outlook(show)
+    outlook.begin("refit", "refitting the plant's own parameters")
     refit = fit_plant(
         *(plant, data.windows, data.sigmas, {}),
         tolerance=FINAL_TOLERANCE,
@@ -152,13 +155,13 @@ def diagnose(
     )
     scales = find_scales(refit, data.windows)
     with Workers(data.windows, data.sigmas, scales, processes) as workers:
-        progress("locating what is missing")
+        outlook.begin("locate", "locating what is missing")
         forces = locate(refit, data.windows, data.whole[0], data.sigmas, scales, workers)
         needless = withdrawals(refit, plant, workers) if plant.effects else ()
-        search = Search(workers, progress, plant, with_periods(scales, forces))
+        search = Search(workers, outlook, plant, with_periods(scales, forces))
         named, failed = confirmed(search.run(refit), search, data.held_out_windows)
         if unexplained(named.fit, data.windows):
-            progress("looking for a formula")
+            outlook.say("looking for a formula")
             left = locate(named.fit, data.windows, data.whole[0], data.sigmas, scales, workers)
             with_law = with_formula(named, left[0], workers) if left else named
             named = with_law if holds(with_law, search, data.held_out_windows) else named
@@ -168,7 +171,7 @@ def diagnose(
                 *(named.fit, data.windows, data.whole[0], data.sigmas), forces[0].equation, typical
             )
             forces[0] = still_missing(forces[0], task, workers.context)
-    progress("verifying on what was held out")
+    outlook.begin("verify", "verifying on what was held out")
     refitted = plant.with_values(refit.values)
     extended = settled_plant(named.fit, plant)
     plants = {"nominal": plant, "refit": refitted, "extended": extended}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from ground.diagnose.accept import likelihood_here
 from ground.diagnose.candidates import Candidate, Scales, effect_candidates, label_of
 from ground.diagnose.crossval import HeldOut, cross_validate, in_sample
 from ground.diagnose.fit import Fit
+from ground.diagnose.outlook import Outlook
 from ground.diagnose.released import released_parameters
 from ground.diagnose.scoring import effective_share
 from ground.diagnose.screen import SEEN, Promise, promises_job, trial_job
@@ -18,7 +19,6 @@ from ground.diagnose.workers import FitTask, Workers, fit_job
 from sim_hal.plant.simulate import Plant
 
 Float = NDArray[np.float64]
-Progress = Callable[[str], None]
 Fitted = list[tuple[Candidate, Fit]]
 
 TRIED = 16
@@ -38,9 +38,9 @@ SAME = 0.9999
 class Trials:
     """What a search tries on given segments; remembers which candidates act alike there."""
 
-    def __init__(self, workers: Workers, progress: Progress, given: Plant, scales: Scales) -> None:
+    def __init__(self, workers: Workers, outlook: Outlook, given: Plant, scales: Scales) -> None:
         self.workers = workers
-        self.progress = progress
+        self.outlook = outlook
         self.given = given
         self.scales = scales
         self._twins: dict[str, tuple[Candidate, ...]] = {}
@@ -48,16 +48,16 @@ class Trials:
 
     def fitted(self, tasks: Sequence[FitTask]) -> list[Fit]:
         """Fits in the order of the tasks."""
-        return list(self.workers.map(fit_job, tasks))
+        return list(self.outlook.counted(self.workers.map(fit_job, tasks), tasks))
 
     def fit_best(self, current: Fit) -> Fitted:
         """The candidates that the residuals ask for most, each fitted with the plant as it stands, best first."""
-        self.progress("screening all effects")
+        self.outlook.begin("screen", "screening all effects")
         leaders = self.leaders(current)
         names = dict.fromkeys(label_of(promise.candidate) for promise in leaders)
         if not leaders:
             return []
-        self.progress(f"fitting {', '.join(names)}")
+        self.outlook.begin("fit", f"fitting {', '.join(names)}")
         tasks = [FitTask(p.candidate.joined(current.plant, p.start), current, p.values) for p in leaders]
         best: dict[str, tuple[Candidate, Fit]] = {}
         for promise, fit in zip(leaders, self.fitted(tasks), strict=True):

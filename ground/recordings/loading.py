@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from ground.recordings.csv_pair import CSV_SUFFIXES, main_table_of, read_csv_pair, sidecar_of, write_csv_pair
-from ground.recordings.mcap_file import read_mcap_recording, write_mcap
+from ground.recordings.mcap_file import is_flight_log, read_mcap_recording, write_mcap
 from ground.recordings.model import Recording, RecordingError
 
 SUFFIXES = (*CSV_SUFFIXES, ".mcap")
@@ -39,8 +39,9 @@ def save_recording(recording: Recording, path: Path | str) -> Path:
 def load_recordings(paths: Iterable[Path | str]) -> tuple[Recording, ...]:
     """Read all recordings that files, patterns (`runs/*.csv`) and folders name.
 
-    A run must come only once: the same `run` from two files raises `RecordingError`, as does a file named
-    twice. A CSV and its own sidecar are one recording.
+    A folder's flight logs are passed over: they hold a mission, not a recording. A run must come only once: the
+    same `run` from two files raises `RecordingError`, as does a file named twice. A CSV and its own sidecar are one
+    recording.
     """
     found: dict[Path, Path] = {}
     for given in _without_repeats(Path(path) for path in paths):
@@ -71,6 +72,7 @@ def _expand(path: Path) -> list[Path]:
     """The files of a folder, of a pattern, or the file itself."""
     if path.is_dir():
         files = sorted(file for file in path.iterdir() if file.name.endswith(SUFFIXES) and file.is_file())
+        files = [file for file in files if file.suffix != ".mcap" or not is_flight_log(file)]
         what = "the folder holds no recording"
     elif glob.has_magic(str(path)) and not path.exists():
         names = glob.glob(str(path), recursive=True)  # noqa: PTH207 - Path.glob takes no absolute pattern

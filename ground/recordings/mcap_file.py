@@ -11,10 +11,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from io import BytesIO
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
+from mcap.records import Metadata
+from mcap.stream_reader import StreamReader
 
+from flight.log import METADATA_NAME as LOG_METADATA
 from flight.mcap_stream import TIME_FIELD, McapContent, McapWriter, decode_json, read_mcap
 from ground.files import write_atomic
 from ground.recordings.model import Floats, Recording, RecordingError, Table
@@ -82,6 +86,16 @@ def read_mcap_recording(path: Path, recover: bool = False) -> Recording:
         return Recording(main.times_s, main.channels, **vars(sidecar), extra_tables=tables, source=path)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
+
+
+def is_flight_log(path: Path) -> bool:
+    """Whether an MCAP file begins as a flight's own log does, which holds no recording. It may be cut or damaged."""
+    try:
+        with path.open("rb") as stream:
+            begins = list(islice(StreamReader(stream).records, 2))
+    except Exception:  # a damaged file fails in many ways; whoever reads it as a recording will say how
+        return False
+    return any(isinstance(record, Metadata) and record.name == LOG_METADATA for record in begins)
 
 
 def _by_table(path: Path, content: McapContent) -> dict[str, dict[str, Samples]]:

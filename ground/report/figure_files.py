@@ -5,6 +5,7 @@ A page carries its figures as data, so any page of this software can be asked fo
 
 from __future__ import annotations
 
+import asyncio
 import importlib
 import json
 import re
@@ -14,6 +15,7 @@ from typing import Any
 
 import plotly.graph_objects as go
 
+from ground.progress import Show, nobody
 from hal.errors import ConfigError
 
 WIDTH, SCALE = 900, 2
@@ -39,7 +41,7 @@ def figures_of(page: Path) -> list[tuple[str, go.Figure]]:
     return found
 
 
-def write_figures(page: Path, folder: Path) -> list[Path]:
+def write_figures(page: Path, folder: Path, show: Show = nobody) -> list[Path]:
     """Write each figure of a page as PNG and SVG, and their captions as `captions.txt`. Returns the files.
 
     Raises `ConfigError` when the page has none, or the library or the browser that draws them is not there.
@@ -50,7 +52,8 @@ def write_figures(page: Path, folder: Path) -> list[Path]:
     except ImportError as error:
         raise ConfigError("the figures need kaleido; install it with: pip install kaleido") from error
     folder.mkdir(parents=True, exist_ok=True)
-    written, jobs = [], []
+    written: list[Path] = []
+    jobs: list[dict[str, Any]] = []
     for number, (_, figure) in enumerate(figures, start=1):
         figure.update_layout(template="plotly_white", width=WIDTH)
         for kind in KINDS:
@@ -59,7 +62,7 @@ def write_figures(page: Path, folder: Path) -> list[Path]:
             jobs.append({"fig": figure, "path": str(path), "opts": options})
             written.append(path)
     try:
-        kaleido.write_fig_from_object_sync(jobs, kopts={"mathjax": False})
+        asyncio.run(_draw(kaleido, jobs, show))
     except Exception as error:  # the many ways in which a browser does not start
         raise ConfigError(
             f"--figures: no browser could draw them ({type(error).__name__}: {error}); "
@@ -68,3 +71,13 @@ def write_figures(page: Path, folder: Path) -> list[Path]:
     captions = "".join(f"{page.stem}-{n:02d}: {caption}\n" for n, (caption, _) in enumerate(figures, start=1))
     (folder / "captions.txt").write_text(captions, encoding="utf-8")
     return written
+
+
+async def _draw(kaleido: Any, jobs: list[dict[str, Any]], show: Show) -> None:
+    """Draw one after the other in one browser."""
+    show("starting the browser that draws", 0.0)
+    async with kaleido.Kaleido(mathjax=False) as browser:
+        for number, job in enumerate(jobs):
+            show(f"drawing {job['path']}", number / len(jobs))
+            for error in await browser.write_fig_from_object(job):
+                raise error

@@ -5,21 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hopper_command import done
-
-SHORT = (
-    "run",
-    "--surface",
-    "quartz_sand",
-    "--hops",
-    "1",
-    "--references",
-    "0",
-    "--energy-j",
-    "2",
-    "--seed",
-    "7",
-)
+from hopper_command import SHORT, done
 
 
 @pytest.fixture(scope="session")

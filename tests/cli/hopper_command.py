@@ -8,6 +8,21 @@ from typer.testing import CliRunner, Result
 
 from ground.cli import app
 
+SHORT = (
+    "run",
+    "--surface",
+    "quartz_sand",
+    "--hops",
+    "1",
+    "--references",
+    "0",
+    "--energy-j",
+    "2",
+    "--seed",
+    "7",
+)
+"""A mission of one small hop."""
+
 
 def hopper(*arguments: str | Path) -> Result:
     """Run `hopper ARGUMENTS` to its end."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -57,10 +58,35 @@ def test_completion_is_offered() -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [("plant", "check", "emps_mass", "--json"), ("dictionary", "--json"), ("setup", "--json")]
+    "arguments", [("plant", "check", "emps_mass"), ("dictionary",), ("setup",), ("data", "list")]
 )
 def test_answers_for_machines_are_json_and_nothing_else(arguments: tuple[str, ...]) -> None:
-    assert json.loads(hopper(*arguments).stdout)
+    assert json.loads(hopper(*arguments, "--json").stdout)
+
+
+@pytest.mark.parametrize("words", [("key",), ("layout",), ("dictionary", "export", "--xtce")])
+def test_a_written_file_is_named_to_machines(words: tuple[str, ...], tmp_path: Path) -> None:
+    file = tmp_path / "written"
+    assert json.loads(done(*words, file, "--json")) == {"file": str(file)}
+    assert file.stat().st_size > 0
+
+
+def test_the_calibration_answers_machines_with_target_and_fit() -> None:
+    found = json.loads(done("calibrate", "--json"))
+    assert found["written"] == []
+    sand = next(row for row in found["c3"] if row["surface"] == "quartz_sand")
+    assert (sand["foot"], sand["tilt_deg"]) == ("1", 0.0)
+    assert abs(sand["fitted"]["mean"] - sand["published"]["mean"]) < 0.02
+
+
+def test_drawn_figures_are_named_to_machines(flown: Path, tmp_path: Path) -> None:
+    pytest.importorskip("kaleido", reason="kaleido is not installed (extra 'figures')")
+    if not any(map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))):
+        pytest.skip("no Chromium on this computer")
+    found = json.loads(done("figures", flown / "report.html", "--out", tmp_path / "drawn", "--json"))
+    assert found["files"] and all(
+        (tmp_path / "drawn" / name).stat().st_size > 1000 for name in found["files"]
+    )
 
 
 def test_recordings_and_replay_answer_machines(flown_log: Path, tmp_path: Path) -> None:

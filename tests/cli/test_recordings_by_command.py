@@ -12,7 +12,7 @@ import yaml
 from hopper_command import done
 from scipy.io import savemat
 
-from ground.recordings import Recording, load_recording, save_recording
+from ground.recordings import Recording, load_recording, load_recordings, save_recording
 from hal.config import config_path
 from sim_hal.plant.simulate import load_plant
 
@@ -98,6 +98,10 @@ def test_a_recording_goes_to_mcap_and_back_without_loss(flown: Path, tmp_path: P
     done("convert", tmp_path / "a.mcap", tmp_path / "b.csv")
     for name in ("a.mcap", "b.csv"):
         assert load_recording(tmp_path / name).same_content(original)
+
+
+def test_a_missions_folder_gives_its_recordings_and_not_its_log(flown: Path) -> None:
+    assert [each.run[-10:] for each in load_recordings([flown])] == ["op00-drive", "-hop00-hop"]
 
 
 MAPPING = {

@@ -8,8 +8,7 @@ import signal
 from pathlib import Path
 
 import pytest
-from conftest import SHORT
-from hopper_command import done, hopper, refused
+from hopper_command import SHORT, done, hopper, refused
 
 from flight.executive import Progress
 from flight.log import McapLog, read_log

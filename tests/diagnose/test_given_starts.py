@@ -30,14 +30,10 @@ def swing(truth: Plant, seed: int) -> Recording:
     return Recording(times, channels, run="swing", rig="oscillator", kind="bench", sensors=sensors)
 
 
-def silent(text: str) -> None:
-    """Progress that nobody watches."""
-
-
 def test_friction_is_found_and_the_end_of_the_swing_predicted(tmp_path: Path) -> None:
     given = let_go(tmp_path)
     truth = replace(given, effects=(friction(0.5),))
-    found = diagnose([swing(truth, 1)], given, silent).diagnosis
+    found = diagnose([swing(truth, 1)], given).diagnosis
     assert found.verdict == "mismatch"
     assert [one.physics_id for one in found.findings] == ["coulomb_friction"]
     fit = found.fit["position_m"]
@@ -46,7 +42,7 @@ def test_friction_is_found_and_the_end_of_the_swing_predicted(tmp_path: Path) ->
 
 def test_nothing_is_found_where_nothing_is(tmp_path: Path) -> None:
     given = let_go(tmp_path)
-    found = diagnose([swing(given, 2)], given, silent).diagnosis
+    found = diagnose([swing(given, 2)], given).diagnosis
     assert found.verdict == "consistent"
     assert not found.findings
     assert found.fit["position_m"].refit_rms < 1.1 * NOISE_M

@@ -16,15 +16,11 @@ RATE = effect("soil_rate_dependence", "ground_contact", c_g=(35.0, "N*s/m"))
 SCALE = effect("sensor_scale", "sensor", "spring_compression_m", scale=(0.02, "1"))
 
 
-def silent(_: str) -> None:
-    """No progress is shown in tests."""
-
-
 @pytest.mark.parametrize(
     ("planted", "equation"), [(DRAG, "latch"), (RATE, "ground_contact"), (SCALE, "sensor")]
 )
 def test_what_was_planted_is_named(planted, equation) -> None:  # type: ignore[no-untyped-def]
-    found = diagnose(hops(nominal().with_effect(planted), seed=5), nominal(), silent).diagnosis
+    found = diagnose(hops(nominal().with_effect(planted), seed=5), nominal()).diagnosis
     assert found.verdict == "mismatch"
     assert [finding.physics_id for finding in found.findings] == [planted.physics_id]
     assert found.findings[0].equation == equation
@@ -37,7 +33,7 @@ def test_what_was_planted_is_named(planted, equation) -> None:  # type: ignore[n
 
 
 def test_hops_without_anything_hidden_are_consistent() -> None:
-    found = diagnose(hops(nominal(), seed=6), nominal(), silent).diagnosis
+    found = diagnose(hops(nominal(), seed=6), nominal()).diagnosis
     assert found.verdict == "consistent"
     assert not found.findings
 

@@ -64,7 +64,7 @@ def recordings(delay_samples: int, mass_kg: float = 2.06) -> list[Recording]:
 
 
 def test_a_delay_of_several_samples_is_found_through_edges(tmp_path: Path) -> None:
-    found = diagnose(recordings(3), pushed_mass(tmp_path), lambda _text: None, processes=1).diagnosis
+    found = diagnose(recordings(3), pushed_mass(tmp_path), processes=1).diagnosis
     (finding,) = found.findings
     assert (finding.physics_id, finding.channels) == ("sensor_delay", ("acceleration_m_s2",))
     assert finding.probability > 0.9
@@ -72,5 +72,5 @@ def test_a_delay_of_several_samples_is_found_through_edges(tmp_path: Path) -> No
 
 
 def test_a_channel_in_time_is_left_alone(tmp_path: Path) -> None:
-    found = diagnose(recordings(0), pushed_mass(tmp_path), lambda _text: None, processes=1).diagnosis
+    found = diagnose(recordings(0), pushed_mass(tmp_path), processes=1).diagnosis
     assert found.verdict == "consistent"

@@ -16,14 +16,10 @@ from ground.diagnose.segments import cut_recording
 from sim_hal.plant.simulate import load_plant
 
 
-def silent(_: str) -> None:
-    """No progress is shown in tests."""
-
-
 @pytest.fixture(scope="module")
 def planted(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     given = plant(tmp_path_factory.mktemp("rig"))
-    return diagnose(recordings(given.with_effect(friction(1.0)), seed=11), given, silent)
+    return diagnose(recordings(given.with_effect(friction(1.0)), seed=11), given)
 
 
 def test_planted_friction_is_named_first(planted: Outcome) -> None:
@@ -56,7 +52,7 @@ def test_the_missing_force_follows_speed(planted: Outcome) -> None:
 
 def test_nothing_is_found_where_nothing_is_missing(tmp_path: Path) -> None:
     given = plant(tmp_path)
-    found = diagnose(recordings(given, seed=12), given, silent).diagnosis
+    found = diagnose(recordings(given, seed=12), given).diagnosis
     assert found.verdict == "consistent"
     assert found.findings == ()
     fit = found.fit["position_m"]
@@ -65,7 +61,7 @@ def test_nothing_is_found_where_nothing_is_missing(tmp_path: Path) -> None:
 
 def test_an_effect_that_the_plant_has_already_is_no_finding(tmp_path: Path) -> None:
     given = plant(tmp_path).with_effect(friction(1.0))
-    found = diagnose(recordings(given, seed=13), given, silent).diagnosis
+    found = diagnose(recordings(given, seed=13), given).diagnosis
     assert "coulomb_friction" not in {finding.physics_id for finding in found.findings}
 
 
@@ -100,7 +96,7 @@ def test_too_short_a_recording_is_refused_in_words(tmp_path: Path) -> None:
     given = plant(tmp_path)
     short = cut_recording(recordings(given, seed=1, count=1)[0], 0, 20)
     with pytest.raises(DiagnosisError, match="20 samples; a diagnosis needs at least 30"):
-        diagnose([short], given, silent)
+        diagnose([short], given)
 
 
 def test_what_only_tolerances_tell_keeps_its_tolerance(tmp_path: Path) -> None:

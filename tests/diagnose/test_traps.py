@@ -91,7 +91,7 @@ def pushes(seed: int, count: int = 3) -> list[np.ndarray]:
 
 
 def answer(recordings: list[Recording], given: Plant) -> Diagnosis:
-    return diagnose(recordings, given, lambda _: None).diagnosis
+    return diagnose(recordings, given).diagnosis
 
 
 def test_an_input_that_acts_a_sample_late_is_found_as_a_delay(tmp_path: Path) -> None:
