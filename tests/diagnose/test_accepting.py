@@ -14,6 +14,7 @@ from ground.diagnose.chosen import Chosen, Named
 from ground.diagnose.confirm import confirmed, holds
 from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.name import Search
+from ground.diagnose.outlook import Outlook
 from ground.diagnose.pipeline import Data, prepare
 from ground.diagnose.scales import find_scales
 from ground.diagnose.segments import sensor_sigma
@@ -59,7 +60,7 @@ def test_what_was_held_out_confirms_an_effect_that_is_there_and_no_other(
     if not level_n:  # what an unlucky search may end with
         fit = fit_plant(given.with_effect(friction(0.3)), data.windows, data.sigmas, {})
     with Workers(data.windows, data.sigmas, find_scales(refit, data.windows), 1) as workers:
-        search = Search(workers, lambda _: None, given, workers.context.scales)
+        search = Search(workers, Outlook(), given, workers.context.scales)
         one = Chosen(candidate, 1.0, (), (), (), refit.chi2, absent=refit)
         named = Named(fit, (one,), (), ())
         kept, failed = confirmed(named, search, data.held_out_windows)
