@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 GROUND := $(VENV)/.ground
 DEV := $(VENV)/.dev
 
-.PHONY: demo test bench check mutation docs test-kernel test-arm64 lint setup clean
+.PHONY: demo test bench check mutation fuzz docs test-kernel test-arm64 lint setup clean
 
 $(GROUND): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -49,6 +49,11 @@ check: lint
 mutation: $(DEV)
 	$(BIN)/mutmut run
 	$(BIN)/python -m benchmarks.gates mutants
+
+# Everything that reads what comes from outside, a minute each; what is found joins tests/corpus, which a test reads.
+fuzz: $(DEV)
+	$(PIP) --editable ".[fuzz]"
+	$(BIN)/python -m benchmarks.fuzz
 
 # The documentation as a site in out/site; a link or an anchor that leads nowhere fails it.
 docs: $(GROUND)

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -185,12 +186,19 @@ class _Reader:
         raise RecordingError(f"{self.path}: {key} (in {self.mapping}): {says}")
 
 
-def _convert(values: Floats, unit: str, own: str, where: str) -> Floats:
-    """The values, given in `unit`, in the unit `own`."""
+@lru_cache(maxsize=1)
+def _registry() -> Any:
     import pint  # half a second, and only files in other units need it
 
+    return pint.UnitRegistry()
+
+
+def _convert(values: Floats, unit: str, own: str, where: str) -> Floats:
+    """The values, given in `unit`, in the unit `own`."""
+    import pint
+
     try:
-        quantity = pint.UnitRegistry().Quantity(values, unit)
+        quantity = _registry().Quantity(values, unit)
         return np.asarray(quantity.to(own).magnitude, dtype=np.float64)
     except (pint.PintError, AttributeError, TypeError, ValueError) as error:
         raise ConfigError(f"{where} = {unit!r} is no unit that becomes {own} ({error})") from error
