@@ -38,7 +38,7 @@ bench: $(DEV)
 	$(BIN)/python -m benchmarks.bench
 
 # All gates: style, types, layers; tests with branch coverage by package; licences of what flies and of what is on the
-# ground; the wheel in a clean environment; mutants of the energy chain, its uncertainties and the monitors.
+# ground; the wheel in a clean environment; mutants of the energy chain, the monitors and the core of the estimator.
 check: lint
 	$(BIN)/pytest --cov --cov-branch --cov-report=json:out/coverage.json
 	$(BIN)/python -m benchmarks.gates coverage out/coverage.json
