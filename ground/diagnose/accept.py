@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from ground.diagnose.candidates import Candidate, EffectCandidate
@@ -14,6 +15,9 @@ from sim_hal.plant.simulate import Plant
 
 STRENGTH_SIGMAS = 3.0
 """An effect whose strength is not this many of its own sigmas from zero is not identified."""
+LOST_SIGMAS = 2.0
+"""One whose strength comes this near to zero once all others are in place is no finding any more."""
+LEAST_SIGMA = 1e-300
 WORTHWHILE = 0.05
 """Least share of the remaining squared residual that an effect must remove where it was not fitted ..."""
 OF_EXCESS = 0.1
@@ -66,17 +70,22 @@ def worthwhile(before: HeldOut, after: HeldOut, nats: float) -> bool:
 
 
 def identified(candidate: Candidate, fit: Fit, segments: Sequence[Segment]) -> bool:
-    """Whether the effect's strength is told from zero (a tolerance: from what was stated) by its own fit.
+    """Whether the effect's strength is told from zero (a tolerance: from what was stated) by its own fit."""
+    return significance(candidate, fit, segments) > STRENGTH_SIGMAS
+
+
+def significance(candidate: Candidate, fit: Fit, segments: Sequence[Segment]) -> float:
+    """How many of its own sigmas an effect's strength is from zero; infinite for one that acts as a whole.
 
     Its other parameters count as known: without strength they mean nothing, and one that no recording tells must
     not hide an effect that every recording shows.
     """
     if isinstance(candidate, ReleasedParameter):
         away = abs(fit.values[candidate.key] - candidate.stated)
-        return away > STRENGTH_SIGMAS * max(candidate.tolerance, fit.std[candidate.key])
+        return float(away / max(candidate.tolerance, fit.std[candidate.key]))
     strengths = [name for name in candidate.strengths() if name in fit.values]
-    if not strengths:  # it acts as a whole
-        return True
+    if not strengths:
+        return math.inf
     own = [name for name in fit.values if name.startswith(f"{candidate.key}.") and name not in strengths]
     std = fit.std_given(own, segments)
-    return any(abs(fit.values[name]) > STRENGTH_SIGMAS * std[name] for name in strengths)
+    return max(abs(fit.values[name]) / max(std[name], LEAST_SIGMA) for name in strengths)

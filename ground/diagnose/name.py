@@ -16,7 +16,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.diagnose.accept import degenerate, identified, likelihood_here, worthwhile
+from ground.diagnose.accept import (
+    LOST_SIGMAS,
+    degenerate,
+    identified,
+    likelihood_here,
+    significance,
+    worthwhile,
+)
 from ground.diagnose.candidates import Candidate, label_of
 from ground.diagnose.chosen import Chosen, Named
 from ground.diagnose.crossval import in_sample
@@ -123,12 +130,10 @@ class Search(Trials):
         self.outlook.begin("settle", "settling the extended plant")
         (current,) = self.fitted([FitTask(current.plant, current, current.values, "final")])
         final = tuple(self.contest(current, one) for one in chosen)
-        least = min(final, key=lambda one: one.probability_better)
-        if len(final) > 1 and least.probability_better < NEEDLESS:
-            self.outlook.say(f"leaving out {label_of(least.candidate)}")
-            return self.settled(
-                self.without(current, least), [one for one in final if one is not least], left
-            )
+        if (needless := self.needless(current, final)) is not None:
+            self.outlook.say(f"leaving out {label_of(needless.candidate)}")
+            others = [one for one in final if one is not needless]
+            return self.settled(self.without(current, needless), others, left)
         for one in final:
             if (better := one.outdone_by(left)) is not None:
                 rival, fit = better
@@ -136,6 +141,17 @@ class Search(Trials):
                 changed = [self.given_way(each, rival) if each is one else each for each in final]
                 return self.settled(fit, changed, left | {one.candidate.key})
         return current, final
+
+    def needless(self, current: Fit, final: Sequence[Chosen]) -> Chosen | None:
+        """The effect beside others whose strength is lost, or else without which the plant predicts as well."""
+        if len(final) < 2:
+            return None
+        segments = self.workers.context.segments
+        strengths = [significance(one.candidate, current, segments) for one in final]
+        if min(strengths) < LOST_SIGMAS:
+            return final[int(np.argmin(strengths))]
+        least = min(final, key=lambda one: one.probability_better)
+        return least if least.probability_better < NEEDLESS else None
 
     def again_without(self, named: Named, one: Chosen) -> Named:
         """The end of the search once more, without one of the effects that it had chosen."""
@@ -236,5 +252,7 @@ class Search(Trials):
             probability_better=probability_better(scores[0], lacking),
             chi2_without=absent.chi2,
             absent=absent,
-            rival_fit=close[0] if close else None,
+            rival_fit=next(
+                (pair for pair in close if identified(*pair, self.workers.context.segments)), None
+            ),
         )

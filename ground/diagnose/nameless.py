@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ground.diagnose.accept import identified, worthwhile
+from ground.diagnose.accept import LOST_SIGMAS, identified, significance, worthwhile
 from ground.diagnose.chosen import Chosen, Named
 from ground.diagnose.crossval import cross_validate
 from ground.diagnose.evidence import LocatedForce
@@ -36,4 +36,19 @@ def with_formula(named: Named, force: LocatedForce, workers: Workers) -> Named:
     (final,) = workers.map(fit_job, [FitTask(fit.plant, fit, fit.values, "final")])
     weights = ((candidate, law.explained),)
     chosen = Chosen(candidate, better, (), (), weights, named.fit.chi2, absent=named.fit)
-    return replace(named, fit=final, chosen=(*named.chosen, chosen))
+    return without_lost(replace(named, fit=final, chosen=(*named.chosen, chosen)), workers)
+
+
+def without_lost(named: Named, workers: Workers) -> Named:
+    """The search's end without effects that stood in for what the formula says, their strength lost beside it."""
+    segments = workers.context.segments
+    lost = [
+        one for one in named.chosen[:-1] if significance(one.candidate, named.fit, segments) < LOST_SIGMAS
+    ]
+    if not lost:
+        return named
+    plant = named.fit.plant
+    for one in lost:
+        plant = one.candidate.removed(plant)
+    (fit,) = workers.map(fit_job, [FitTask(plant, named.fit, named.fit.values, "final")])
+    return replace(named, fit=fit, chosen=tuple(one for one in named.chosen if one not in lost))
