@@ -6,7 +6,7 @@ import csv
 import gzip
 import math
 import zlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,18 +29,23 @@ class TableFormat:
     trailing_delimiter: bool = False
 
 
-def read_variables(path: Path, table: TableFormat) -> Mapping[str, Any]:
-    """All variables of a file by name: arrays of a MATLAB file, columns (n,) of a table (NaN = empty).
+def read_variables(path: Path, table: TableFormat, wanted: Collection[str]) -> Mapping[str, Any]:
+    """Variables of a file by name: arrays of a MATLAB file, columns (n,) of a table (NaN = empty), numbers of MCAP.
 
+    Of an MCAP file they are on the times of those that are `wanted`; of other files all are read.
     Raises `RecordingError` naming the file, and line and column where there are such.
     """
     name = path.name.removesuffix(".gz")
     if path.name.endswith(".mat"):
         return read_mat(path)
+    if path.name.endswith(".mcap"):
+        from ground.foreign_mcap import read_mcap_variables  # brings the decoders along
+
+        return read_mcap_variables(path, wanted)
     if name.endswith(TABLE_SUFFIXES):
         return _read_table(path, table)
     raise RecordingError(
-        f"{path}: a file to import ends in .mat, {', '.join(TABLE_SUFFIXES)} (or .gz of these)"
+        f"{path}: a file to import ends in .mat, .mcap, {', '.join(TABLE_SUFFIXES)} (or .gz of these)"
     )
 
 

@@ -1,4 +1,4 @@
-"""Recordings from foreign files: MATLAB files and tables of text, by a mapping in YAML.
+"""Recordings from foreign files: MATLAB files, tables of text and MCAP, by a mapping in YAML.
 
 A mapping (examples in `config/imports/`) says where each channel comes from:
 
@@ -10,7 +10,8 @@ A mapping (examples in `config/imports/`) says where each channel comes from:
       gap_m: {variable: gap, unit: mm}                 # the value's unit, if it is not the channel's own
     sidecar: {rig: emps, kind: axis}    # as in recording-format; `run` is the file's name unless given
 
-`variable` is a MATLAB variable, or a column's header (its number, from 1, where `table.header` is false);
+`variable` is a MATLAB variable, a column's header (its number, from 1, where `table.header` is false)
+or a number of an MCAP's messages (`/TOPIC.FIELD`, their times `log_time`);
 `index` picks, from 0, a cell and then a row of a MATLAB variable; `rows` keeps a stretch of the samples, `keep` the
 longest stretch in which a channel stays small; `split` says how a file holds several recordings.
 """
@@ -71,9 +72,15 @@ class ImportMapping:
     split: Split = field(default_factory=Split)
     keep: Keep | None = None
 
+    @property
+    def variables(self) -> frozenset[str]:
+        """The file's variables that are asked for."""
+        named = {source.variable for source in self.channels.values()}
+        return frozenset(named | ({self.time.variable} if self.time.variable else set()))
+
 
 def import_recording(path: Path, mapping: Path) -> Recording:
-    """Read the foreign file `path` (.mat; .csv, .txt, .tsv, also with .gz) that holds one recording.
+    """Read the foreign file `path` (.mat; .mcap; .csv, .txt, .tsv, also with .gz) that holds one recording.
 
     Raises as `import_recordings`, and `RecordingError` where the mapping finds several.
     """
@@ -97,7 +104,7 @@ def import_recordings(path: Path, mapping: Path) -> tuple[Recording, ...]:
     if plan.keep is not None and plan.keep.channel not in plan.channels:
         raise ConfigError(f"{mapping}: keep.channel = {plan.keep.channel!r} is none of the channels")
     check_sidecar({"format": FORMAT, "run": "checked", **plan.sidecar}, f"{mapping}: sidecar")
-    parts = parts_of(path, mapping, read_variables(path, plan.table), plan.split, plan.rows)
+    parts = parts_of(path, mapping, read_variables(path, plan.table, plan.variables), plan.split, plan.rows)
     return tuple(_recording(path, mapping, plan, part) for part in parts)
 
 
