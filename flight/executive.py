@@ -204,6 +204,8 @@ class _Executive:
         self, commands: tuple[GroundCommand, ...], events: list[Event]
     ) -> tuple[GroundCommand, ...]:
         """Carry out the changes of parameters; the other commands are for the machine."""
+        if not commands:
+            return ()
         for command in commands:
             if command.name == SET_PARAMETER:
                 self.settings, event = changed(self.settings, command, self.machine.phase)

@@ -15,7 +15,7 @@ from flight.machine_tick import Tick
 from flight.monitors import find_fault, watch
 from flight.phases import ACTIONS
 from flight.settings import DriveSettings, FlightSettings
-from flight.states import Machine, Outputs, Phase, Sameness, Snapshot, Step
+from flight.states import Machine, Outputs, Phase, Sameness, Snapshot, Step, changed
 from hal.readings import GroundCommand
 
 
@@ -53,7 +53,7 @@ def decide(
         outputs = Outputs()
     after = tick.machine
     if outputs.voltage_v != after.voltage_v:
-        after = after._replace(voltage_v=outputs.voltage_v)
+        after = changed(after, voltage_v=outputs.voltage_v)
     return Step(after, outputs, tuple(tick.events), monitors_alive=not dead)
 
 
@@ -68,7 +68,8 @@ def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Mach
     drawn_a = max(snap.motor_current_a, 0.0)
     compression_m, unloaded_ticks, loaded = _load(machine, snap, travel_m, settings)
     same_current, same_force = _sameness(machine, snap, running=followed)
-    return machine._replace(
+    return changed(
+        machine,
         compression_m=compression_m,
         unloaded_ticks=unloaded_ticks,
         loaded=loaded,

@@ -8,7 +8,7 @@ from flight import tensioning
 from flight.monitor_settings import Response
 from flight.monitors import Fault
 from flight.settings import FlightSettings
-from flight.states import TRANSITIONS, Event, Machine, Phase, Snapshot
+from flight.states import TRANSITIONS, Event, Machine, Phase, Snapshot, changed
 from hal.readings import GroundCommand
 
 
@@ -93,7 +93,7 @@ class Tick:
 
     def _want(self, wanted_m_s: float) -> None:
         if wanted_m_s != self.machine.wanted_m_s:
-            self.machine = self.machine._replace(wanted_m_s=wanted_m_s)
+            self.machine = changed(self.machine, wanted_m_s=wanted_m_s)
 
     def slew(self, wanted_v: float) -> float:
         tick = self.settings.tick

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from flight.quantities import QUANTITIES
 from flight.settings import FlightSettings
-from flight.states import SENSORS, Machine, Snapshot
+from flight.states import SENSORS, Machine, Snapshot, changed
 from flight.tensioning import energy_used_j
 
 MONITOR_DEAD = "monitor_dead"
@@ -42,12 +42,12 @@ def watch(machine: Machine, snap: Snapshot, settings: FlightSettings) -> tuple[M
         if quantity is None:  # nothing new is known
             if name in beyond and phase in phases:
                 counts[name] = beyond[name]
-        elif sign * quantity > limit:
-            if phase in phases:
+        elif not sign * quantity <= limit:
+            if quantity != quantity:  # no number
+                dead.append(name)
+            elif phase in phases:
                 counts[name] = beyond.get(name, 0) + 1
-        elif quantity != quantity:  # no number
-            dead.append(name)
-    return (machine._replace(beyond_ticks=counts) if counts or beyond else machine), tuple(dead)
+    return (changed(machine, beyond_ticks=counts) if counts or beyond else machine), tuple(dead)
 
 
 def find_fault(machine: Machine, dead: tuple[str, ...], settings: FlightSettings) -> Fault | None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from flight import tensioning
 from flight.machine_tick import Tick
 from flight.monitors import Fault, self_test_failures
-from flight.states import LineFit, Outputs, Phase
+from flight.states import LineFit, Outputs, Phase, changed
 
 
 def _power_up(tick: Tick) -> Outputs:
@@ -31,7 +31,7 @@ def _self_test(tick: Tick) -> Outputs:
 def _homing(tick: Tick) -> Outputs:
     if not tick.snap.at_home:
         return Outputs(tick.drive(tick.homeward_m_s()))
-    tick.machine = tick.machine._replace(moved_s=tick.snap.time_s)  # at rest on purpose: no stall
+    tick.machine = changed(tick.machine, moved_s=tick.snap.time_s)  # at rest on purpose: no stall
     if not tick.machine.loaded:
         tick.go(Phase.LATCH_CHECK, home_m=tick.snap.nut_position_m, taut_m=None, latch_line=LineFit())
     return Outputs(tick.stop())
@@ -41,7 +41,7 @@ def _latch_check(tick: Tick) -> Outputs:
     """Drive up a little: the spring must follow the nut, or the lock does not hold the string."""
     machine, snap, safety = tick.machine, tick.snap, tick.settings.safety
     if not snap.latch_closed:  # it snaps in when the nut comes home; give it until the phase's timeout
-        tick.machine = machine._replace(moved_s=snap.time_s)
+        tick.machine = changed(machine, moved_s=snap.time_s)
         return Outputs(tick.stop())
     travel_m = snap.nut_position_m - (machine.home_m or 0.0)
     if machine.compression_m < safety.latch_check_start_m:
@@ -49,7 +49,7 @@ def _latch_check(tick: Tick) -> Outputs:
             tick.fail(Fault("latch_does_not_hold"))
         return Outputs(tick.drive(tick.settings.drive.latch_check_speed_m_s))
     line = machine.latch_line.add(travel_m, snap.compression_m)
-    tick.machine = machine._replace(latch_line=line)
+    tick.machine = changed(machine, latch_line=line)
     if machine.compression_m < safety.latch_check_compression_m:
         if travel_m > safety.max_slack_m + safety.latch_check_compression_m * 2.0:
             tick.fail(Fault("latch_does_not_hold"))
@@ -82,7 +82,7 @@ def _tensioning(tick: Tick) -> Outputs:
     if remaining_m > 0.1 * settings.tension.tolerance * wanted_m:
         speed_m_s = tensioning.approach_speed_m_s(remaining_m, settings.drive)
         return Outputs(tick.drive(speed_m_s))
-    tick.machine = tick.machine._replace(moved_s=tick.snap.time_s)  # at rest on purpose: no stall
+    tick.machine = changed(tick.machine, moved_s=tick.snap.time_s)  # at rest on purpose: no stall
     settled = machine.stable_ticks * settings.tick.period_s >= settings.tension.settle_s
     if settled:
         _enter_hold(tick)
@@ -135,7 +135,7 @@ def _flight(tick: Tick) -> Outputs:
         and tick.in_phase_s > settings.timeouts.flight_min_s
     )
     quiet_s = tick.machine.quiet_s if tick.machine.quiet_s is not None else snap.time_s
-    tick.machine = tick.machine._replace(quiet_s=quiet_s if still else None)
+    tick.machine = changed(tick.machine, quiet_s=quiet_s if still else None)
     if still and snap.time_s - quiet_s > settings.timeouts.landing_quiet_s:
         tick.go(Phase.LANDED)
     return Outputs(spring_hop_rate=True)
@@ -165,7 +165,7 @@ def _de_tension(tick: Tick) -> Outputs:
     by_encoder = machine.home_m is not None and snap.nut_position_m - machine.home_m < safety.home_agreement_m
     if not snap.at_home or (snap.compression_m > loaded_m and not by_encoder):
         return Outputs(tick.drive(tick.homeward_m_s()))
-    tick.machine = machine = machine._replace(moved_s=snap.time_s)
+    tick.machine = machine = changed(machine, moved_s=snap.time_s)
     spring_known = snap.age_s("spring") <= safety.sensor_age_s
     if not machine.loaded:
         if machine.reason:

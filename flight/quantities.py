@@ -36,12 +36,15 @@ def _disobedience_v(machine: Machine, snap: Snapshot, settings: FlightSettings) 
 
     A supply that sags has a monitor of its own, which lets the motor relax the spring with what there is.
     """
-    if max(snap.age_s("nut_encoder"), snap.age_s("motor_current")) > settings.safety.firing_age_s:
+    sampled_s = snap.sampled_s
+    older_s = min(sampled_s.get("nut_encoder", _NEVER), sampled_s.get("motor_current", _NEVER))
+    if snap.time_s - older_s > settings.safety.firing_age_s:
         return None
-    most_v = abs(machine.voltage_v) if snap.supply_v is None else max(snap.supply_v, 0.0)
-    return tensioning.disobedience_v(
-        max(-most_v, min(most_v, machine.voltage_v)), snap.motor_current_a, machine.speed_m_s, settings.drive
-    )
+    voltage_v = machine.voltage_v
+    if snap.supply_v is not None:
+        most_v = max(snap.supply_v, 0.0)
+        voltage_v = max(-most_v, min(most_v, voltage_v))
+    return tensioning.disobedience_v(voltage_v, snap.motor_current_a, machine.speed_m_s, settings.drive)
 
 
 def _excess_speed_m_s(machine: Machine, snap: Snapshot, settings: FlightSettings) -> float:

@@ -86,19 +86,21 @@ class HopRecorder:
             self._keep("magnet", self._magnet, magnet, now_s)
 
     def _keep(self, name: str, batches: deque[Batch], batch: Batch, now_s: float | None) -> None:
-        if not batch.times_s:
+        times_s = batch.times_s
+        if not times_s:
             if batch.overrun:  # it tells of a loss
                 batches.append(batch)
             return
-        newest = batch.times_s[-1]
+        newest = times_s[-1]
         if now_s is not None:
-            if name not in self._clocks:
-                self._clocks[name] = SensorClock()
-            self._clocks[name].add(newest, now_s)
+            clock = self._clocks.get(name)
+            if clock is None:
+                clock = self._clocks[name] = SensorClock()
+            clock.add(newest, now_s)
         if self._holding and newest - _oldest(batches, newest) > _KEPT_S:
             return
         batches.append(batch)
-        while not batches[0].times_s or newest - batches[0].times_s[-1] > _KEPT_S:
+        while not (oldest := batches[0].times_s) or newest - oldest[-1] > _KEPT_S:
             batches.popleft()
 
     def clock(self, name: str) -> ClockMap:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated
 
 from hal.config import Limits
@@ -63,7 +64,7 @@ class RigSettings:
     vertical: VerticalRig | None = None
     arm: ArmRig | None = None
 
-    @property
+    @cached_property
     def equivalent(self) -> VerticalRig:
         """The two masses and the gravity of the motion along the leg.
 
@@ -85,7 +86,7 @@ class RigSettings:
             moving_kg * self.arm.local_gravity_m_s2 * square / foot.total_inertia_kg_m2,
         )
 
-    @property
+    @cached_property
     def body_mass_kg(self) -> float:
         return self.equivalent.body_mass_kg
 
@@ -93,7 +94,7 @@ class RigSettings:
     def leg_mass_kg(self) -> float:
         return self.equivalent.leg_mass_kg
 
-    @property
+    @cached_property
     def gravity_m_s2(self) -> float:
         return self.equivalent.gravity_m_s2
 
@@ -104,14 +105,14 @@ class RigSettings:
             return 1.0
         return self.arm.sensor_radius_m / self.arm.com_radius_m
 
-    @property
+    @cached_property
     def static_reading_m_s2(self) -> float:
         """What the accelerometer reads at rest."""
         if self.geometry == "vertical" or self.arm is None:
             return self.gravity_m_s2
         return self.arm.local_gravity_m_s2
 
-    @property
+    @cached_property
     def travel_per_compression(self) -> float:
         """Nut travel per spring compression, x/s = 1 + k/k_m."""
         return 1.0 + self.spring_stiffness_n_m / self.series_stiffness_n_m

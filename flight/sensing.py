@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from flight.record import HopRecorder
-from flight.states import Event, Snapshot
+from flight.states import Event, Snapshot, changed
 from hal.board import Board
 from hal.errors import ReadFailed
 
@@ -30,34 +30,33 @@ class Senses:
         `known` are the fields of `Snapshot` that no sensor tells.
         """
         events: list[Event] = []
-        board, old = self.board, self.latest
+        board, sampled = self.board, dict(self.latest.sampled_s)
         self._failed = 0
-        values: dict[str, Any] = {"time_s": now_s, "tick_late_s": late_s, **known}
-        values["sampled_s"] = sampled = dict(old.sampled_s)
         motor = self._try("motor_current", board.motor_current.read, events)
         if motor is not None:
-            values["motor_current_a"], sampled["motor_current"] = motor.current_a, motor.time_s
-            values["supply_v"] = motor.supply_v
+            known["motor_current_a"], sampled["motor_current"] = motor.current_a, motor.time_s
+            known["supply_v"] = motor.supply_v
         nut = self._try("nut_encoder", board.nut_encoder.read, events)
         if nut is not None:
-            values["nut_position_m"], sampled["nut_encoder"] = nut.position_m, nut.time_s
+            known["nut_position_m"], sampled["nut_encoder"] = nut.position_m, nut.time_s
         switches = self._try("switches", board.switches.read, events)
         if switches is not None:
-            values["at_home"], values["latch_closed"] = switches.at_home, switches.latch_closed
+            known["at_home"], known["latch_closed"] = switches.at_home, switches.latch_closed
             sampled["switches"] = switches.time_s
         spring = self._try("spring", board.spring.read, events)
         if spring is not None and spring.times_s:
-            values["compression_m"], sampled["spring"] = spring.compression_m[-1], spring.times_s[-1]
+            known["compression_m"], sampled["spring"] = spring.compression_m[-1], spring.times_s[-1]
         magnet = self._try("magnet_current", board.magnet_current.read, events)
         if magnet is not None and magnet.times_s:
-            values["magnet_current_a"], sampled["magnet_current"] = magnet.current_a[-1], magnet.times_s[-1]
+            known["magnet_current_a"], sampled["magnet_current"] = magnet.current_a[-1], magnet.times_s[-1]
         force = self._try("accelerometer", board.accelerometer.read, events)
         if force is not None and force.times_s:
             newest = force.specific_force_m_s2
-            values["specific_force_m_s2"], sampled["accelerometer"] = newest[-1], force.times_s[-1]
-            values["specific_force_low_m_s2"], values["specific_force_high_m_s2"] = min(newest), max(newest)
+            known["specific_force_m_s2"], sampled["accelerometer"] = newest[-1], force.times_s[-1]
+            known["specific_force_low_m_s2"], known["specific_force_high_m_s2"] = min(newest), max(newest)
         self.recorder.add(force, spring, magnet, now_s)
-        self.latest = old._replace(failed_reads=self._failed, **values)
+        known |= {"sampled_s": sampled, "failed_reads": self._failed}
+        self.latest = changed(self.latest, time_s=now_s, tick_late_s=late_s, **known)
         return self.latest, events
 
     def _try(self, name: str, read: Callable[[], T], events: list[Event]) -> T | None:

@@ -49,19 +49,22 @@ class SensorClock:
         """One reading. Stamps that do not increase restart the clock."""
         if stamp_s == self._newest or not (math.isfinite(stamp_s) and math.isfinite(read_s)):
             return
-        first = self._first
+        first, hull = self._first, self._hull
         back = stamp_s < self._newest
-        if first is None or back or stamp_s - first[0] > _HORIZON_S or len(self._hull) > _MOST_POINTS:
+        if first is None or back or stamp_s - first[0] > _HORIZON_S or len(hull) > _MOST_POINTS:
             first = self._restart(stamp_s, read_s)
+            hull = self._hull
         self._newest = stamp_s
-        point = (stamp_s - first[0], read_s - first[1])
+        x, y = stamp_s - first[0], read_s - first[1]
         self._count += 1
-        self._stamps += point[0]
-        self._reads += point[1]
-        hull = self._hull
-        while len(hull) > 1 and _cross(hull[-2], hull[-1], point) <= 0.0:
+        self._stamps += x
+        self._reads += y
+        while len(hull) > 1:
+            (first_x, first_y), (last_x, last_y) = hull[-2:]
+            if (last_x - first_x) * (y - first_y) - (last_y - first_y) * (x - first_x) > 0.0:
+                break
             hull.pop()
-        hull.append(point)
+        hull.append((x, y))
 
     def _restart(self, stamp_s: float, read_s: float) -> tuple[float, float]:
         self._first, self._hull, self._count = (stamp_s, read_s), [], 0
@@ -92,7 +95,3 @@ class SensorClock:
             return ClockMap()
         origin = first_stamp + below[0]
         return ClockMap(rate, lag_s, origin, sigma)
-
-
-def _cross(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -28,7 +28,7 @@ class TickSettings:
     overrun_share: Share
     telemetry_period_s: Positive
 
-    @property
+    @cached_property
     def period_s(self) -> float:
         return 1.0 / self.rate_hz
 

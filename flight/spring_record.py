@@ -7,15 +7,14 @@ nothing is stored. It never makes the spring count as unloaded: that is for sens
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from typing import NamedTuple
 
 from flight.states import Event, Machine, Phase
 from hal.devices import Memory
 from hal.errors import DeviceError, ReadFailed
 
 
-@dataclass(frozen=True)
-class SpringRecord:
+class SpringRecord(NamedTuple):
     """Whether the spring may hold energy, whether the robot may be armed, and the energy [J] that was asked for."""
 
     loaded: bool = True
@@ -44,7 +43,7 @@ class SpringKeeper:
             text = self._memory.read()
             if not text:
                 return Event("spring_record", {"known": False, "loaded": True})
-            return Event("spring_record", {"known": True, **asdict(SpringRecord(**json.loads(text)))})
+            return Event("spring_record", {"known": True, **SpringRecord(**json.loads(text))._asdict()})
         except (ReadFailed, ValueError, TypeError) as error:
             return Event("spring_record", {"known": False, "loaded": True, "error": str(error)})
 
@@ -54,7 +53,7 @@ class SpringKeeper:
         if record == self._kept:
             return None
         try:
-            self._memory.write(json.dumps(asdict(record)))
+            self._memory.write(json.dumps(record._asdict()))
         except DeviceError as error:
             was, self.failed = self.failed, True
             return None if was else Event("spring_record_unwritten", {"error": str(error)})

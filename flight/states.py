@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from hal.dictionary import dictionary
 
@@ -180,6 +180,9 @@ class Machine(NamedTuple):
         return self.reason if self.reason not in ("", STOWED) else reason
 
 
+State = TypeVar("State", Machine, Snapshot)
+
+
 class Outputs(NamedTuple):
     """What the actuators and sensors shall do from this tick on."""
 
@@ -187,6 +190,18 @@ class Outputs(NamedTuple):
     magnet_on: bool = False
     spring_hop_rate: bool = False
     evaluate: bool = False
+
+
+_PLACES = {kind: {name: at for at, name in enumerate(kind._fields)} for kind in (Machine, Snapshot)}
+
+
+def changed(state: State, **changes: Any) -> State:
+    """As `_replace`, in a third of its time: what changes at each tick. Raises `KeyError` for no such field."""
+    fields: list[Any] = list(state)
+    places = _PLACES[type(state)]
+    for name, value in changes.items():
+        fields[places[name]] = value
+    return type(state)(*fields)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,8 +20,10 @@ class Telemetry:
 
     def take(self, snap: Snapshot) -> None:
         """Remember the extremes of the accelerometer's newest batch."""
-        self._low_m_s2 = min(self._low_m_s2, snap.specific_force_low_m_s2)
-        self._high_m_s2 = max(self._high_m_s2, snap.specific_force_high_m_s2)
+        if snap.specific_force_low_m_s2 < self._low_m_s2:
+            self._low_m_s2 = snap.specific_force_low_m_s2
+        if snap.specific_force_high_m_s2 > self._high_m_s2:
+            self._high_m_s2 = snap.specific_force_high_m_s2
 
     def due(self, now_s: float, period_s: float) -> bool:
         """Whether it is time for a message; if so, the next one counts from now."""

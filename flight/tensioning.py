@@ -58,7 +58,8 @@ def drive_voltage_v(
     """
     drive = settings.drive
     current_a = moving_current_a(wanted_m_s, compression_m, settings)
-    omega, error = (value / drive.travel_per_radian_m for value in (wanted_m_s, wanted_m_s - speed_m_s))
+    omega = wanted_m_s / drive.travel_per_radian_m
+    error = (wanted_m_s - speed_m_s) / drive.travel_per_radian_m
     voltage_v = (
         drive.torque_constant_n_m_a * (omega + drive.speed_gain * error) + drive.resistance_ohm * current_a
     )

@@ -10,7 +10,6 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from operator import attrgetter
 from typing import Any, get_args, get_origin, get_type_hints
 
 from hal.board import Board
@@ -62,41 +61,34 @@ def _device_calls(device: str, protocol: type) -> dict[str, Call]:
     return calls
 
 
-@cache
-def _fields_of(reading: type) -> Callable[[Any], dict[str, Any]] | None:
-    """What makes an object of a data class a mapping of its fields; None for another class."""
-    if not dataclasses.is_dataclass(reading):
-        return None
-    names = tuple(field.name for field in dataclasses.fields(reading))
-    if len(names) < 2:
-        return lambda value: {name: getattr(value, name) for name in names}
-    values = attrgetter(*names)
-    return lambda value: dict(zip(names, values(value), strict=True))
+Answer = Callable[[dict[str, Any]], Any]
+"""What answers one call, given its arguments by name."""
 
 
 class ContractDevice:
-    """Offers the calls of one device's contract, and nothing else; `act` answers each of them."""
+    """Offers the calls of one device's contract, and nothing else; `answering` gives what answers each of them."""
 
-    def __init__(self, calls: Mapping[str, Call], act: Callable[[Call, dict[str, Any]], Any]) -> None:
-        self._act = act
-        self._properties = {name: call for name, call in calls.items() if call.is_property}
+    def __init__(self, calls: Mapping[str, Call], answering: Callable[[Call], Answer]) -> None:
+        self._properties = {name: answering(call) for name, call in calls.items() if call.is_property}
         for name, call in calls.items():
             if not call.is_property:
-                setattr(self, name, self._method(call))
-
-    def _method(self, call: Call) -> Callable[..., Any]:
-        def method(*positional: Any, **named: Any) -> Any:
-            if not call.parameters and not positional and not named:  # most calls
-                return self._act(call, {})
-            return self._act(call, call.arguments(positional, named))
-
-        return method
+                setattr(self, name, _method(call, answering(call)))
 
     def __getattr__(self, name: str) -> Any:
-        call = self.__dict__.get("_properties", {}).get(name)
-        if call is None:
+        answer = self.__dict__.get("_properties", {}).get(name)
+        if answer is None:
             raise AttributeError(f"the device has no {name!r} in its contract")
-        return self._act(call, {})
+        return answer({})
+
+
+def _method(call: Call, answer: Answer) -> Callable[..., Any]:
+    def method(*positional: Any, **named: Any) -> Any:
+        return answer(call.arguments(positional, named))
+
+    def bare(*positional: Any, **named: Any) -> Any:  # most calls
+        return answer(call.arguments(positional, named) if positional or named else {})
+
+    return method if call.parameters else bare
 
 
 def to_plain(value: Any) -> Any:
@@ -104,15 +96,17 @@ def to_plain(value: Any) -> Any:
     if value is None or isinstance(value, float):
         return value
     if isinstance(value, tuple):
+        fields = getattr(value, "_fields", None)
+        if fields is not None:
+            return dict(zip(fields, value, strict=True))
         return [to_plain(item) for item in value]
-    fields = _fields_of(value.__class__)
-    return fields(value) if fields is not None else value
+    return value
 
 
 @cache
 def _builder(returns: Any) -> Callable[[Any], Any]:
-    if dataclasses.is_dataclass(returns):
-        reading: Callable[..., Any] = returns  # type: ignore[assignment]
+    if hasattr(returns, "_fields"):
+        reading: Callable[..., Any] = returns
         return lambda data: reading(**{name: _tuples(value) for name, value in data.items()})
     if get_origin(returns) is tuple:
         build_item = _builder(get_args(returns)[0])

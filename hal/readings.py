@@ -1,16 +1,16 @@
 """Sensor readings: value, unit (in the field's name) and sample time, immutable.
 
 Times are seconds on the board's clock. Batches hold every sample since the last read, oldest first, as a
-FIFO delivers them; `overrun` says that older samples were lost before this batch.
+FIFO delivers them; `overrun` says that older samples were lost before this batch. Named tuples, because a frozen
+data class takes several times as long to make.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 
-@dataclass(frozen=True, slots=True)
-class MotorCurrent:
+class MotorCurrent(NamedTuple):
     """Motor current, positive while the motor drives towards tension; supply voltage where the part measures it."""
 
     time_s: float
@@ -18,16 +18,14 @@ class MotorCurrent:
     supply_v: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class NutPosition:
+class NutPosition(NamedTuple):
     """Nut travel by the motor's encoder, from its zero at power-up, positive towards tension."""
 
     time_s: float
     position_m: float
 
 
-@dataclass(frozen=True, slots=True)
-class Switches:
+class Switches(NamedTuple):
     """The two end contacts: nut at its home position; string latched (the lock holds the string)."""
 
     time_s: float
@@ -35,8 +33,7 @@ class Switches:
     latch_closed: bool
 
 
-@dataclass(frozen=True, slots=True)
-class SpringCompression:
+class SpringCompression(NamedTuple):
     """Batch of spring compression beyond the body's own weight (the paper's f_used)."""
 
     times_s: tuple[float, ...]
@@ -44,8 +41,7 @@ class SpringCompression:
     overrun: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class MagnetCurrent:
+class MagnetCurrent(NamedTuple):
     """Batch of the release magnet's current."""
 
     times_s: tuple[float, ...]
@@ -53,8 +49,7 @@ class MagnetCurrent:
     overrun: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class SpecificForce:
+class SpecificForce(NamedTuple):
     """Batch of specific force along the leg (what an accelerometer reads: acceleration minus gravity).
 
     `saturated` marks samples at the end of the sensor's range.
@@ -66,8 +61,7 @@ class SpecificForce:
     overrun: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class GroundCommand:
+class GroundCommand(NamedTuple):
     """A command: a name of the dictionary and its arguments.
 
     `authenticated` says that its source has shown that it may command the robot: the ground by its signature on

@@ -11,11 +11,12 @@ import contextlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import hal.errors
 from hal.board import Board
-from hal.calls import Call, ContractDevice, board_calls, from_plain
+from hal.calls import Answer, Call, ContractDevice, board_calls, from_plain
 from hal.log import LogError, LogMessage
 
 
@@ -52,6 +53,10 @@ class ReplayTape:
     def remaining(self) -> Sequence[LogMessage]:
         """The messages that were not asked for yet."""
         return self._messages[self.compared :]
+
+    def answering(self, call: Call) -> Answer:
+        """What answers a call from the tape."""
+        return partial(self.call, call)
 
     def call(self, call: Call, arguments: Mapping[str, Any]) -> Any:
         """The recorded outcome of the next message, which must be this call with these arguments."""
@@ -133,6 +138,6 @@ class ReplayBoard(Board):
         """The board that answers from these messages; `name` is what the software sees as its name."""
         tape = ReplayTape(messages)
         devices: dict[str, Any] = {
-            device: ContractDevice(calls, tape.call) for device, calls in board_calls().items()
+            device: ContractDevice(calls, tape.answering) for device, calls in board_calls().items()
         }
         return cls(name=name, tape=tape, **devices)

@@ -16,7 +16,7 @@ from functools import partial
 from typing import Any
 
 from hal.board import Board
-from hal.calls import Call, ContractDevice, board_calls, to_plain
+from hal.calls import Answer, Call, ContractDevice, board_calls, to_plain
 from hal.log import LogSink
 
 
@@ -40,25 +40,33 @@ class _Recorder:
         self._log = log
         self._time_s = 0.0
 
-    def around(self, device: Any) -> Callable[[Call, dict[str, Any]], Any]:
-        """What lets `device` answer a call and records it."""
-        return partial(self._record, device)
+    def around(self, device: Any) -> Callable[[Call], Answer]:
+        """What lets `device` answer each of its calls and records it."""
+        return partial(self._answering, device)
 
-    def _record(self, device: Any, call: Call, arguments: dict[str, Any]) -> Any:
-        try:
-            member = getattr(device, call.method)
-            result = member if call.is_property else member(**arguments)
-        except BaseException as error:  # an interrupt ends the flight too: it belongs on record
-            self._write(call, arguments, "error", describe_error(error))
-            raise
-        if call.device == "clock":
-            self._time_s = max(self._time_s, result if result is not None else arguments["time_s"])
-        self._write(call, arguments, "result", to_plain(result))
-        return result
+    def _answering(self, device: Any, call: Call) -> Answer:
+        topic, method, is_property, of_clock = (
+            call.device,
+            call.method,
+            call.is_property,
+            call.device == "clock",
+        )
 
-    def _write(self, call: Call, arguments: dict[str, Any], outcome: str, value: Any) -> None:
-        payload = {"method": call.method, "arguments": arguments, outcome: value}
-        self._log.write(call.device, self._time_s, payload)
+        def answer(arguments: dict[str, Any]) -> Any:
+            try:
+                member = getattr(device, method)
+                result = member if is_property else member(**arguments)
+            except BaseException as error:  # an interrupt ends the flight too: it belongs on record
+                told = {"method": method, "arguments": arguments, "error": describe_error(error)}
+                self._log.write(topic, self._time_s, told)
+                raise
+            if of_clock:
+                self._time_s = max(self._time_s, result if result is not None else arguments["time_s"])
+            told = {"method": method, "arguments": arguments, "result": to_plain(result)}
+            self._log.write(topic, self._time_s, told)
+            return result
+
+        return answer
 
 
 def describe_error(error: BaseException) -> dict[str, Any]:

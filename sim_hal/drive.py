@@ -15,9 +15,15 @@ from sim_hal.settings import RigSettings
 ANGLE, SPEED, CURRENT = "theta", "omega", "i"
 """Names of the drive plant's states; the angle follows from the nut's position at each start."""
 
+_SEEN = ("nut_position_m", "spring_compression_m", "motor_current_a")
+
 
 class TensioningDrive:
-    """Motor, gearbox, screw and string; positions [m] count from where the latched string is just taut."""
+    """Motor, gearbox, screw and string; positions [m] count from where the latched string is just taut.
+
+    `position_m`: travel of the nut. `spring_compression_m`: what the string imposes on the springs; 0 while it is
+    slack or let go. `current_a`: of the motor.
+    """
 
     def __init__(
         self,
@@ -30,34 +36,17 @@ class TensioningDrive:
         self._plant = plant
         self._rig = rig
         self._conditions = conditions
-        self._jammed_current_a: float | None = None
+        self._jammed = False
         self._restart({}, position_m, held)
-
-    @property
-    def position_m(self) -> float:
-        """Travel of the nut."""
-        return self._outputs["nut_position_m"] + self._shift_m
-
-    @property
-    def spring_compression_m(self) -> float:
-        """Compression that the string imposes on the springs; 0 while it is slack or let go."""
-        return self._outputs["spring_compression_m"]
-
-    @property
-    def current_a(self) -> float:
-        """Motor current."""
-        if self._jammed_current_a is not None:
-            return self._jammed_current_a
-        return self._outputs["motor_current_a"]
 
     def advance(self, by_s: float, voltage_v: float) -> None:
         """Run for `by_s` seconds at a terminal voltage [V]."""
-        if self._jammed_current_a is not None and self._pushes_into_stop(voltage_v):
-            self._jammed_current_a = voltage_v / self._rig.stop_resistance_ohm
+        if self._jammed and self._pushes_into_stop(voltage_v):
+            self.current_a = voltage_v / self._rig.stop_resistance_ohm
             return
-        self._jammed_current_a = None
+        self._jammed = False
         self._simulator.advance(self._simulator.time_s + by_s, {"motor_voltage_v": voltage_v})
-        self._outputs = self._simulator.outputs()
+        self._look()
         if not self._rig.stop_low_m <= self.position_m <= self._rig.stop_high_m:
             self._jam(voltage_v)
 
@@ -73,7 +62,8 @@ class TensioningDrive:
         stop_m = min(max(self.position_m, self._rig.stop_low_m), self._rig.stop_high_m)
         held = self._shift_m == 0.0
         self._restart({**self._simulator.state(), SPEED: 0.0, CURRENT: 0.0}, stop_m, held)
-        self._jammed_current_a = voltage_v / self._rig.stop_resistance_ohm
+        self._jammed = True
+        self.current_a = voltage_v / self._rig.stop_resistance_ohm
 
     def _pushes_into_stop(self, voltage_v: float) -> bool:
         at_low = self.position_m <= self._rig.stop_low_m
@@ -87,4 +77,14 @@ class TensioningDrive:
             known={"nut_position_m": position_m - self._shift_m},
             initial={name: value for name, value in states.items() if name != ANGLE},
         )
-        self._outputs = self._simulator.outputs()
+        self._places = [self._simulator.names.index(name) for name in _SEEN]
+        self._look()
+
+    def _look(self) -> None:
+        """Take over what the plant says now."""
+        values = self._simulator.values()
+        position, compression, current = self._places
+        self.position_m = values[position] + self._shift_m
+        self.spring_compression_m = values[compression]
+        if not self._jammed:
+            self.current_a = values[current]

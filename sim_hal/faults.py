@@ -70,7 +70,7 @@ class Faults:
     """The faults of one board; more can be planted while it runs."""
 
     def __init__(self) -> None:
-        self._faults: list[Fault] = []
+        self._faults: dict[str, list[Fault]] = {}  # by device
         self.effects_s: dict[Fault, float] = {}
         """When each first changed what the flight software reads, or what an actuator does; not, if it never did."""
 
@@ -82,7 +82,8 @@ class Faults:
             raise ConfigError(f"faults: device = {device!r} is unknown; known here: {', '.join(DEVICES)}")
         if kind not in KINDS:
             raise ConfigError(f"faults: kind = {kind!r} is unknown; known here: {', '.join(KINDS)}")
-        self._faults.append(Fault(device, kind, from_s, math.inf if until_s is None else until_s, size))
+        fault = Fault(device, kind, from_s, math.inf if until_s is None else until_s, size)
+        self._faults.setdefault(device, []).append(fault)
 
     def note(self, fault: Fault, now_s: float) -> None:
         """A fault makes a difference now."""
@@ -100,7 +101,11 @@ class Faults:
 
     def of(self, device: str, now_s: float) -> Fault | None:
         """The fault that `device` has at `now_s` (the first planted wins), or None."""
-        for fault in self._faults:
-            if fault.device == device and fault.from_s <= now_s < fault.until_s:
+        for fault in self._faults.get(device, ()):
+            if fault.from_s <= now_s < fault.until_s:
                 return fault
         return None
+
+    def __bool__(self) -> bool:
+        """Whether any was planted."""
+        return bool(self._faults)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from hal.errors import HalError
-from sim_hal.plant.simulate import Plant, Simulator
+from sim_hal.plant.simulate import Plant, Rows, Simulator
 from sim_hal.settings import RestSettings
 
 FIRE = "fire_command"
@@ -33,12 +33,18 @@ class Hop:
         self._rest = rest
         self._quiet_since_s: float | None = None
         self.start_s = start_s
-        self.outputs = self._simulator.outputs()
+        self.places = {name: place for place, name in enumerate(self._simulator.names)}
+        """Where each output stands in `values`."""
+        self.values = self._simulator.values()
 
     @property
     def opened(self) -> bool:
         """Whether the lock has let go."""
         return self._simulator.flag(OPENED)
+
+    def now(self, name: str) -> float:
+        """An output at the present time."""
+        return self.values[self.places[name]]
 
     @property
     def at_rest(self) -> bool:
@@ -50,10 +56,10 @@ class Hop:
         """Go on until `to_s` of the board [s]. Raises `SimulationFault` when the robot never comes to rest."""
         self.trace([to_s])
 
-    def trace(self, times_s: Sequence[float]) -> list[dict[str, float]]:
-        """As `advance` to the last of some increasing times of the board; the outputs at each."""
+    def trace(self, times_s: Sequence[float]) -> Rows:
+        """As `advance` to the last of some increasing times of the board; the values at each."""
         traced = self._simulator.trace([time_s - self.start_s for time_s in times_s])
-        self.outputs = traced[-1]
+        self.values = traced[-1]
         self._watch_for_rest(times_s[-1] - self.start_s)
         return traced
 

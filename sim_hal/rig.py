@@ -67,18 +67,20 @@ class Rig:
                 self.world.set_magnet(False)
 
     def _step(self, end_s: float) -> None:
-        self._drop_power_of_silent_actuators()
-        lock_fault = self.faults.of("lock", end_s)
+        faults = self.faults
+        if faults:
+            self._drop_power_of_silent_actuators()
+        lock_fault = faults.of("lock", end_s)
         self.world.lock_blocked = lock_fault is not None
-        wanted = {name: sensor.due(end_s) for name, sensor in self.sensors.items()}
-        truth = self.world.advance(end_s, {CHANNELS[name]: times for name, times in wanted.items()})
+        wanted = {CHANNELS[name]: sensor.due(end_s) for name, sensor in self.sensors.items()}
+        truth = self.world.advance(end_s, wanted)
         self.now_s = end_s
-        for name, times in wanted.items():
-            fault = self._fault_of(name, end_s)
-            if self.sensors[name].record(times, truth[CHANNELS[name]], fault) and fault:
-                self.faults.note(fault, end_s)
+        for name, sensor in self.sensors.items():
+            fault = self._fault_of(name, end_s) if faults else None
+            if sensor.record(wanted[CHANNELS[name]], truth[CHANNELS[name]], fault) and fault:
+                faults.note(fault, end_s)
         if lock_fault is not None and self.world.lock_is_due:
-            self.faults.note(lock_fault, end_s)
+            faults.note(lock_fault, end_s)
         for witness in self.witnesses:
             witness(end_s)
 

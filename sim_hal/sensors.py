@@ -8,7 +8,9 @@ instants: neither reading one sensor nor how the waiting is cut into pieces chan
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Collection, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +23,9 @@ GRID_TOLERANCE_S = 1e-9
 """A sample instant this little after `now` counts as reached: sums of tick periods round either way."""
 
 _AHEAD = 256  # draws of noise made at once
+
+Piece = tuple[Sequence[float], Sequence[float], Sequence[bool]]
+"""Times, values, and whether each is at the end of the range."""
 
 
 class Sample(NamedTuple):
@@ -62,13 +67,15 @@ class SampledSensor:
         self._modes = settings.modes
         self._random = np.random.Generator(np.random.PCG64(seed))
         self._depth = settings.depth
-        self._fifo: tuple[list[float], list[float], list[bool]] = [], [], []
-        self._latest: Sample | None = None
+        self._fifo: deque[Piece] = deque()
+        self._waiting = 0  # samples in it
+        self._newest: Piece | None = None
         self._overrun = False
         self._mode = settings.modes[0]
         self._count = 0
         self._noise: list[float] = []
         self._used = 0
+        self._still: _Still | None = None
 
     @property
     def modes(self) -> tuple[Mode, ...]:
@@ -90,6 +97,7 @@ class SampledSensor:
             if mode.rate_hz == rate_hz:
                 self._mode = mode
                 self._count = math.floor((now_s + GRID_TOLERANCE_S) * rate_hz) + 1
+                self._still = None
                 return
         known = ", ".join(f"{mode.rate_hz:g}" for mode in self._modes)
         raise CommandRefused(f"{self.name}: rate {rate_hz!r} Hz is not one of the part's rates: {known}")
@@ -110,68 +118,112 @@ class SampledSensor:
             instants[-1] = now_s  # the same but for rounding: what is due now is looked at once
         return instants
 
-    def record(self, instants: Sequence[float], truth: Sequence[float], fault: Fault | None = None) -> bool:
-        """Sample true values (same length as `instants`); `fault` says how the sensor is broken, if it is.
+    def record(
+        self, instants: Sequence[float], truth: Sequence[float] | float, fault: Fault | None = None
+    ) -> bool:
+        """Sample true values (same length as `instants`), or one that held all the time.
 
-        Returns whether the fault has made a difference.
+        `fault` says how the sensor is broken, if it is. Returns whether that has made a difference.
         """
-        if not instants:
+        count = len(instants)
+        if not count:
             return False
         # the noise is drawn even by a broken sensor, so that a fault leaves all later samples as they were
-        drawn = self._drawn(len(instants))
-        # plain numbers: most batches are of a few samples, for which arrays take longer
-        sigma = self._mode.noise_std
-        measured = [true + sigma * noise for true, noise in zip(truth, drawn, strict=True)]
+        start = self._draw(count)
+        if isinstance(truth, float):
+            if fault is None:
+                self._keep(instants, *self._of_still(truth, slice(start, start + count)))
+                return False
+            truth = (truth,) * count
+        shown, saturated = self._measured(truth, start)
         if fault is None:
-            self._keep(instants, *self._digital(measured))
+            self._keep(instants, shown, saturated)
             return False
         if fault.kind in ("silent", "fail"):
             return True
-        broken = [_broken(*each, fault, self._latest) for each in zip(measured, drawn, strict=True)]
-        shown, saturated = self._digital(broken)
-        self._keep(instants, shown, saturated)
-        return shown != self._digital(measured)[0]
+        self._keep(instants, *self._measured(truth, start, fault))
+        assert self._newest is not None
+        return self._newest[1] != shown
 
-    def _drawn(self, count: int) -> list[float]:
-        """White noise of sigma 1, drawn ahead: the sequence is that of single draws."""
+    def _draw(self, count: int) -> int:
+        """Take so much white noise of sigma 1: where in `_noise` it begins. The sequence is that of single draws."""
         start, self._used = self._used, self._used + count
         if self._used > len(self._noise):
             self._noise = self._noise[start:] + self._random.standard_normal(_AHEAD + count).tolist()
-            start, self._used = 0, count
-        return self._noise[start : self._used]
+            start, self._used, self._still = 0, count, None
+        return start
 
-    def _digital(self, values: list[float]) -> tuple[list[float], list[bool]]:
-        """Rounded to the step, then limited to the range; and whether each is at its end."""
-        step, low, high = self.step, self._mode.low, self._mode.high
-        if step > 0.0:
-            values = [round(value / step) * step for value in values]
-        if low < min(values) and max(values) < high:
-            return values, [False] * len(values)
-        values = [low if value < low else high if value > high else value for value in values]
-        return values, [not low < value < high for value in values]
+    def _of_still(self, truth: float, part: slice) -> tuple[Sequence[float], Sequence[bool]]:
+        """What a part of the noise makes of a truth that holds: done at once for all noise that was drawn ahead."""
+        still = self._still
+        if still is None or still.truth != truth:
+            mode = self._mode
+            values = truth + mode.noise_std * np.array(self._noise)
+            if self.step > 0.0:
+                values = np.rint(values / self.step) * self.step + 0.0  # no -0.0, as by `round`
+            values = np.clip(values, mode.low, mode.high)
+            inside = (mode.low < values) & (values < mode.high)
+            self._still = still = _Still(truth, tuple(values.tolist()), tuple((~inside).tolist()))
+        return still.values[part], still.saturated[part]
 
-    def _keep(self, times_s: Sequence[float], shown: list[float], saturated: list[bool]) -> None:
-        """To the FIFO, which loses its oldest samples when it is full."""
-        times, values, flags = self._fifo
-        times += times_s
-        values += shown
-        flags += saturated
-        if len(times) > self._depth:
+    def _measured(
+        self, truth: Sequence[float], start: int, fault: Fault | None = None
+    ) -> tuple[list[float], list[bool]]:
+        """What the noise from `start` on makes of true values; and whether each is at the range's end."""
+        step, sigma, low, high = self.step, self._mode.noise_std, self._mode.low, self._mode.high
+        latest = self.latest() if fault is not None and self._newest is not None else None
+        shown, saturated = [], []
+        # plain numbers: most batches are of a few samples, for which arrays take longer
+        for true, noise in zip(truth, self._noise[start : start + len(truth)], strict=True):
+            value = true + sigma * noise
+            if fault is not None:
+                value = _broken(value, noise, fault, latest)
+            if step > 0.0:
+                value = round(value / step) * step
+            if not low < value < high:
+                value = max(low, min(high, value))
+            shown.append(value)
+            saturated.append(not low < value < high)
+        return shown, saturated
+
+    def _keep(self, times_s: Sequence[float], shown: Sequence[float], saturated: Sequence[bool]) -> None:
+        """To the FIFO, which loses its oldest samples when it is full: pieces here, the rest when it is drained."""
+        self._newest = times_s, shown, saturated
+        self._fifo.append(self._newest)
+        self._waiting += len(times_s)
+        if self._waiting > self._depth:
             self._overrun = True
-            for kept in self._fifo:
-                del kept[: -self._depth]
-        self._latest = Sample(times_s[-1], shown[-1], saturated[-1])
+            while self._waiting - len(self._fifo[0][0]) >= self._depth:
+                self._waiting -= len(self._fifo.popleft()[0])
 
     def drain(self) -> Batch:
         """All samples since the last call, and whether older ones were lost before them."""
-        times_s, values, saturated = self._fifo
-        batch = Batch(tuple(times_s), tuple(values), tuple(saturated), self._overrun)
-        self._fifo = [], [], []
-        self._overrun = False
+        times_s, values, saturated = self._fifo[0] if len(self._fifo) == 1 else _joined(self._fifo)
+        kept = slice(-self._depth, None)
+        batch = Batch(tuple(times_s[kept]), tuple(values[kept]), tuple(saturated[kept]), self._overrun)
+        self._fifo.clear()
+        self._waiting, self._overrun = 0, False
         return batch
 
     def latest(self) -> Sample:
         """The newest sample, however old. Raises `ReadFailed` when there was none yet."""
-        if self._latest is None:
+        if self._newest is None:
             raise ReadFailed(f"{self.name}: no sample yet")
-        return self._latest
+        times_s, values, saturated = self._newest
+        return Sample(times_s[-1], values[-1], saturated[-1])
+
+
+class _Still(NamedTuple):
+    """What a sensor shows of a truth that holds, for each draw of noise."""
+
+    truth: float
+    values: tuple[float, ...]
+    saturated: tuple[bool, ...]
+
+
+def _joined(pieces: Collection[Piece]) -> Piece:
+    """The pieces of a FIFO as one."""
+    times, values, flags = (
+        (tuple(chain.from_iterable(part)) for part in zip(*pieces, strict=True)) if pieces else ((), (), ())
+    )
+    return times, values, flags

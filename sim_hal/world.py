@@ -27,7 +27,8 @@ NUT, CURRENT, SPRING, ACCELERATION, MAGNET = (
     "magnet_current_a",
 )
 
-_OF_DRIVE = (NUT, CURRENT, SPRING)
+Truth = dict[str, Sequence[float] | float]
+"""By channel the true values at the instants wanted of it, or the one that holds all the time."""
 
 
 class World:
@@ -115,7 +116,7 @@ class World:
     def spring_compression_m(self) -> float:
         """True compression of the springs beyond the body's own weight."""
         if self._hop is not None and self._hop.opened:
-            return self._hop.outputs[SPRING]
+            return self._hop.now(SPRING)
         return self._drive.spring_compression_m
 
     @property
@@ -146,70 +147,92 @@ class World:
         elif not on and self._hop is not None and not self._hop.opened:
             self._hop = None  # the lock has not let go: nothing has happened
 
-    def advance(self, to_s: float, wanted: Mapping[str, Sequence[float]]) -> dict[str, list[float]]:
+    def advance(self, to_s: float, wanted: Mapping[str, Sequence[float]]) -> Truth:
         """Go on until `to_s` [s]; returns for each channel its true values at the wanted instants.
 
         Instants lie between the last advance and `to_s`, oldest first.
         """
-        moving = wanted if self._hop is not None else _OF_DRIVE
+        hop = self._hop
         of_drive = {to_s, *wanted[NUT], *wanted[CURRENT]}
-        instants = sorted(of_drive.union(*[wanted[channel] for channel in moving]))
-        if self._hop is not None and self._hop.opened:
-            seen = self._fly(self._hop, instants, of_drive)
+        if hop is None:
+            truth = self._stand(of_drive, wanted)
+        elif hop.opened:
+            truth = self._fly(hop, of_drive, wanted)
         else:
-            seen = {at_s: self._look(at_s, at_s in of_drive) for at_s in instants}
-        truth = {channel: [seen[at_s][channel] for at_s in wanted[channel]] for channel in moving}
-        if ACCELERATION not in truth:
-            truth[ACCELERATION] = [self._standing_m_s2] * len(wanted[ACCELERATION])
-        if MAGNET not in truth:
-            truth[MAGNET] = [self._coil.current_a(instant) for instant in wanted[MAGNET]]
+            truth = self._release(hop, of_drive, wanted)
         self._end_hop_at_rest()
         self._close_latch_at_home()
         return truth
 
-    def _fly(self, hop: Hop, instants: list[float], of_drive: set[float]) -> dict[float, dict[str, float]]:
-        """As `_look` at all these instants, with the lock open: hop and drive have nothing to do with each other."""
-        magnet_rises = self.magnet_on and hop.start_s == self._coil.since_s
+    def _stand(self, of_drive: set[float], wanted: Mapping[str, Sequence[float]]) -> Truth:
+        """Without a hop nothing moves but the drive; one that holds no spring is read on demand."""
         seen = {}
-        for at_s, outputs in zip(instants, hop.trace(instants), strict=True):
-            if at_s in of_drive and at_s > self._drive_s:
-                self._drive.advance(at_s - self._drive_s, self.voltage_v)
-                self._drive_s = at_s
+        for at_s in sorted(of_drive.union(wanted[SPRING])):
+            if self.latch_closed or at_s in of_drive:
+                self._drive_until(at_s)
+            drive = self._drive
+            seen[at_s] = drive.position_m - self._power_up_m, drive.current_a, drive.spring_compression_m
+            self.now_s = at_s
+        truth: Truth = {
+            channel: [seen[at_s][place] for at_s in wanted[channel]]
+            for place, channel in enumerate((NUT, CURRENT, SPRING))
+        }
+        truth[ACCELERATION] = self._standing_m_s2
+        truth[MAGNET] = self._coil.currents_a(wanted[MAGNET])
+        return truth
+
+    def _fly(self, hop: Hop, of_drive: set[float], wanted: Mapping[str, Sequence[float]]) -> Truth:
+        """With the lock open hop and drive have nothing to do with each other."""
+        seen = {}
+        for at_s in sorted(of_drive):
+            self._drive_until(at_s)
+            seen[at_s] = self._drive.position_m - self._power_up_m, self._drive.current_a
+        magnet_rises = self.magnet_on and hop.start_s == self._coil.since_s
+        instants = sorted(of_drive.union(*[wanted[channel] for channel in (SPRING, ACCELERATION, MAGNET)]))
+        rows = dict(zip(instants, hop.trace(instants), strict=True))
+        self.now_s = instants[-1]
+        truth: Truth = {
+            channel: [seen[at_s][place] for at_s in wanted[channel]]
+            for place, channel in enumerate((NUT, CURRENT))
+        }
+        for channel in (SPRING, ACCELERATION, MAGNET) if magnet_rises else (SPRING, ACCELERATION):
+            place = hop.places[channel]
+            truth[channel] = [rows[at_s][place] for at_s in wanted[channel]]
+        if not magnet_rises:
+            truth[MAGNET] = self._coil.currents_a(wanted[MAGNET])
+        return truth
+
+    def _release(self, hop: Hop, of_drive: set[float], wanted: Mapping[str, Sequence[float]]) -> Truth:
+        """While the magnet is to open the lock: look by look, for the drive holds the string until then."""
+        seen = {}
+        for at_s in sorted(of_drive.union(*wanted.values())):
+            if at_s > self.now_s:
+                if self.latch_closed or at_s in of_drive:
+                    self._drive_until(at_s)
+                hop.advance(at_s)
+                if hop.opened and self.latch_closed:
+                    self.latch_closed = False
+                    self._drive.let_go()
+                self.now_s = at_s
             seen[at_s] = {
                 NUT: self._drive.position_m - self._power_up_m,
                 CURRENT: self._drive.current_a,
-                SPRING: outputs[SPRING],
-                ACCELERATION: outputs[ACCELERATION],
-                MAGNET: outputs[MAGNET] if magnet_rises else self._coil.current_a(at_s),
+                SPRING: self.spring_compression_m,
+                ACCELERATION: hop.now(ACCELERATION) if hop.opened else self._standing_m_s2,
+                MAGNET: self._magnet_current_a(at_s),
             }
-        self.now_s = instants[-1]
-        return seen
+        return {channel: [seen[at_s][channel] for at_s in instants] for channel, instants in wanted.items()}
 
-    def _look(self, at_s: float, at_drive: bool) -> dict[str, float]:
-        """Let time pass until `at_s` and read all channels; a drive that holds no spring is read on demand."""
-        if at_s > self.now_s:
-            if self.latch_closed or at_drive:
-                self._drive.advance(at_s - self._drive_s, self.voltage_v)
-                self._drive_s = at_s
-            if self._hop is not None:
-                self._hop.advance(at_s)
-                if self._hop.opened and self.latch_closed:
-                    self.latch_closed = False
-                    self._drive.let_go()
-            self.now_s = at_s
-        flying = self._hop is not None and self._hop.opened
-        return {
-            NUT: self._drive.position_m - self._power_up_m,
-            CURRENT: self._drive.current_a,
-            SPRING: self.spring_compression_m,
-            ACCELERATION: self._hop.outputs[ACCELERATION] if self._hop and flying else self._standing_m_s2,
-            MAGNET: self._magnet_current_a(at_s),
-        }
+    def _drive_until(self, at_s: float) -> None:
+        """Let the drive go on until then, if it is not there yet."""
+        if at_s > self._drive_s:
+            self._drive.advance(at_s - self._drive_s, self.voltage_v)
+            self._drive_s = at_s
 
     def _magnet_current_a(self, at_s: float) -> float:
         """The plant's own current while its magnet rises; the coil's once the supply was taken."""
         if self._hop is not None and self.magnet_on and self._hop.start_s == self._coil.since_s:
-            return self._hop.outputs[MAGNET]
+            return self._hop.now(MAGNET)
         return self._coil.current_a(at_s)
 
     def _end_hop_at_rest(self) -> None:
@@ -262,4 +285,12 @@ class Coil:
         if self._start_a == self._goal_a:
             return self._goal_a
         left = math.exp(-(at_s - self.since_s) / self._time_constant_s)
+        if left == 0.0:  # settled to the last bit
+            self._start_a = self._goal_a
         return self._goal_a + (self._start_a - self._goal_a) * left
+
+    def currents_a(self, instants: Sequence[float]) -> Sequence[float] | float:
+        """Current at some times, or the one that holds all the time."""
+        if self._start_a == self._goal_a:
+            return self._goal_a
+        return [self.current_a(at_s) for at_s in instants]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -39,6 +40,10 @@ _REASONS = {
     engine.EMPTY_BAND: "dry friction is negative: forward and backward resistance add up to less than 0",
     engine.NO_GRIP: "two friction elements hold the same motion in different ways",
 }
+
+
+Rows = list[list[float]]
+"""Outputs at some times, (n, n_outputs), as plain numbers."""
 
 
 @dataclass(frozen=True)
@@ -171,7 +176,7 @@ class CompiledPlant(Starting):
             raise failure
         return outputs[0], states[0]
 
-    def stepper(self, machine: Machine, plan: Schedule) -> Callable[[], Floats]:
+    def stepper(self, machine: Machine, plan: Schedule) -> Callable[[], Rows]:
         """What runs a machine (of one run) through a schedule, as its arrays are then: outputs at the samples."""
         outputs, states, statuses = self._results(1, len(plan.samples))
         program = self.assembled.program
@@ -179,14 +184,15 @@ class CompiledPlant(Starting):
             program.code, program.table, *machine, *plan, -1, outputs, states, statuses
         )
 
-        own: Floats = outputs[0]
-
-        def step() -> Floats:
+        def step() -> Rows:
             run()
-            failure = self._failure(int(statuses[0]), machine, 0, outputs[0], plan.samples)
-            if failure is not None:
-                raise failure
-            return own
+            rows: Rows = outputs[0].tolist()
+            # a sum tells at once whether all are finite
+            if statuses[0] != engine.OK or not math.isfinite(sum(map(sum, rows))):
+                failure = self._failure(int(statuses[0]), machine, 0, outputs[0], plan.samples)
+                if failure is not None:
+                    raise failure
+            return rows
 
         return step
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from sim_hal.plant import engine
-from sim_hal.plant.compiled import CompiledPlant, compile_plant, probes
+from sim_hal.plant.compiled import CompiledPlant, Rows, compile_plant, probes
 from sim_hal.plant.compose import MISSING_FORCE
 from sim_hal.plant.effects import catalogue
 from sim_hal.plant.effects.base import Effect, alternatives, prior
@@ -29,6 +29,7 @@ __all__ = [
     "Parameter",
     "Plant",
     "PlantError",
+    "Rows",
     "Run",
     "Sensor",
     "SimulationError",
@@ -64,7 +65,6 @@ class Simulator:
         self._compiled = compile_plant(plant, extra=self._definitions)
         self._flags = self._compiled.assembled.flags
         self._events = np.array([(events or {}).get(name, np.inf) for name in self._flags], dtype=float)
-        self._inputs = np.zeros(len(plant.structure.inputs))
         self._places = {name: place for place, name in enumerate(plant.structure.inputs)}
         run = Run(
             times_s=np.array([start_s]), conditions=conditions or {}, known=known or {}, events=events or {}
@@ -72,15 +72,16 @@ class Simulator:
         self._machine = self._compiled.machine(self._compiled.values, run, initial)
         self._room = self._machine.starts[0]
         self._time_s = start_s
-        self._names = self._compiled.output_names
+        self.names = self._compiled.output_names
+        """Names of outputs and definitions, in the order of `values`."""
         self._late = self._compiled.lateness(self._compiled.values, run)
         for channel, late in self._late.items():
             if late.skew < 0.0 or late.delay_s < 0.0:
                 raise SimulationError(f"{plant.name}: {channel} is early: what is to come cannot be read")
-        self._latest: dict[str, float] | None = None  # outputs at the present time
+        self._latest: list[float] | None = None  # outputs at the present time
         self._breaks = np.zeros(2)
-        self._held = np.zeros((2, len(self._inputs)))
-        self._runs: dict[int, tuple[Floats, Callable[[], Floats]]] = {}  # by number of samples
+        self._held = np.zeros((2, len(plant.structure.inputs)))
+        self._runs: dict[int, tuple[Floats, Callable[[], Rows]]] = {}  # by number of samples
         self._history: list[tuple[float, dict[str, float]]] = []
         self._remember()
 
@@ -96,22 +97,19 @@ class Simulator:
         self._go_on(to_time_s)
         self._remember()
 
-    def trace(
-        self, times_s: Sequence[float], inputs: Mapping[str, float] | None = None
-    ) -> list[dict[str, float]]:
-        """Go on to the last of some increasing times, (n,) s, inputs as in `advance`; what `outputs` says at each."""
+    def trace(self, times_s: Sequence[float], inputs: Mapping[str, float] | None = None) -> Rows:
+        """Go on to the last of some increasing times, (n,) s, inputs as in `advance`; what `values` says at each."""
         if self._late or self._inside(times_s[-1]):
             found = []
             for time_s in times_s:
                 self.advance(time_s, inputs)
-                found.append(self.outputs())
+                found.append(self.values())
             return found
         self._check(times_s[0])
         self._take(inputs)
-        rows = self._sampled(times_s).tolist()
-        traced = [dict(zip(self._names, row, strict=True)) for row in rows]
-        self._latest = dict(traced[-1])
-        return traced
+        rows = self._sampled(times_s)
+        self._latest = rows[-1]
+        return rows
 
     def _check(self, to_time_s: float) -> None:
         if not to_time_s >= self.time_s:
@@ -124,16 +122,22 @@ class Simulator:
                 raise SimulationError(f"no input {name!r}; inputs: {', '.join(self._places) or 'none'}")
             if not math.isfinite(value):
                 raise SimulationError(f"input {name} = {value} is not finite")
-            self._inputs[self._places[name]] = value
+            self._held[:, self._places[name]] = value
 
     def outputs(self) -> dict[str, float]:
         """Outputs and definitions by name at the present time, SI."""
+        return dict(zip(self.names, self.values(), strict=True))
+
+    def values(self) -> list[float]:
+        """As `outputs`, in the order of `names`."""
         if not self._late:
-            return dict(self._now())
-        return self._now() | {
-            channel: self._delayed(channel, float(late.seen_s(np.array(self.time_s))))
-            for channel, late in self._late.items()
-        }
+            return self._now()
+        return [
+            self._delayed(name, float(self._late[name].seen_s(np.array(self.time_s))))
+            if name in self._late
+            else now
+            for name, now in zip(self.names, self._now(), strict=True)
+        ]
 
     def state(self) -> dict[str, float]:
         """States by name, SI."""
@@ -167,20 +171,20 @@ class Simulator:
         """Go on to a later time, from event to event, or stay; notes the outputs there."""
         while True:
             until = min(self._inside(to_time_s), default=to_time_s)
-            self._latest = dict(zip(self._names, self._sampled((until,))[0].tolist(), strict=True))
+            self._latest = self._sampled((until,))[0]
             if until == to_time_s:
                 break
 
-    def _sampled(self, times_s: Sequence[float]) -> Floats:
+    def _sampled(self, times_s: Sequence[float]) -> Rows:
         """Go on to the last of some times between which nothing happens from outside; outputs (n, n_outputs)."""
-        if len(times_s) not in self._runs:
-            here = np.zeros(len(times_s))
+        count = len(times_s)
+        if count not in self._runs:
+            here = np.zeros(count)
             plan = Schedule(self._breaks, self._held, np.zeros_like(self._held), self._events, here)
-            self._runs[len(times_s)] = here, self._compiled.stepper(self._machine, plan)
-        here, run = self._runs[len(times_s)]
+            self._runs[count] = here, self._compiled.stepper(self._machine, plan)
+        here, run = self._runs[count]
         here[:] = times_s
         self._breaks[:] = self._time_s, times_s[-1]
-        self._held[:] = self._inputs
         self._room[engine.CLOCK, engine.STEPS] = 0.0
         outputs = run()
         self._time_s = times_s[-1]
@@ -188,10 +192,12 @@ class Simulator:
 
     def _inside(self, to_time_s: float) -> list[float]:
         """The events between now and then, both left out."""
+        if not self._flags:
+            return []
         now_s = self._time_s
         return [event for event in self._events.tolist() if now_s < event < to_time_s]
 
-    def _now(self) -> dict[str, float]:
+    def _now(self) -> list[float]:
         """Outputs at the present time, computed once."""
         if self._latest is None:
             self._go_on(self.time_s)
@@ -201,7 +207,7 @@ class Simulator:
     def _remember(self) -> None:
         """Keep late channels' values, no longer than they are late."""
         if self._late:
-            self._history.append((self.time_s, self._now()))
+            self._history.append((self.time_s, dict(zip(self.names, self._now(), strict=True))))
             oldest = self.time_s - max(late.longest_s(self.time_s) for late in self._late.values())
             while len(self._history) > 2 and self._history[1][0] <= oldest:
                 self._history.pop(0)

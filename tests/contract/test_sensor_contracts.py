@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 from collections.abc import Callable
@@ -38,7 +37,7 @@ def watch(board: Board, device: str, until_s: float = 0.5, period_s: float = 0.0
 
 
 def assert_finite(reading: Any) -> None:
-    for value in dataclasses.astuple(reading):
+    for value in reading:
         for number in value if isinstance(value, tuple) else (value,):
             assert number is None or math.isfinite(number)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
-from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -112,7 +111,7 @@ def test_every_reading_is_a_channel_with_a_unit_that_fits_its_name() -> None:
     }
     assert set(of_sensor) == set(SENSORS)
     bookkeeping = {"time_s", "times_s", "overrun", "saturated"}
-    wanted = {f"{name}.{f.name}" for name, kind in of_sensor.items() for f in fields(kind)} - {
+    wanted = {f"{name}.{field}" for name, kind in of_sensor.items() for field in kind._fields} - {
         f"{name}.{key}" for name in of_sensor for key in bookkeeping
     }
     channels = dictionary().channels
