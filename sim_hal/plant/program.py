@@ -209,6 +209,8 @@ class Builder:
 
         Derivatives are computed at other times than the rest of what comes after the rates: they share nothing.
         """
+        if op == "-" and operands[1] == self._constants.get(0.0):
+            return operands[0]
         known = max(self._section[operand] for operand in operands)
         # A time since a flag also reads the clock, so it always moves.
         own = known if known <= Section.MODAL and op != "since" else max(section, known)

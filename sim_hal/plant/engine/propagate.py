@@ -52,7 +52,7 @@ def strength(w: Floats2, n: int) -> tuple[float, float]:
 def series(tab: Ints1, w: Floats2, h: float) -> int:
     """Taylor coefficients of the increment by θ, in rows from TERMS on; how many, or 0 if they do not end."""
     n = tab[NS]
-    cut = max(1e-16, 1e-3 * w[CLOCK, RELATIVE])
+    cut = max(1e-16, 1e-2 * w[CLOCK, RELATIVE])
     quiet = 0
     for s in range(n):
         w[TERMS, s] = 0.0

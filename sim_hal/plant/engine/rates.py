@@ -91,13 +91,17 @@ def jacobian_at(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2) ->
         for c in range(columns):
             hold_still(tab, r, mode, w, c)
     for s in range(tab[NS]):
-        first, last = tab[NS], 0
+        total = 0.0
         for c in range(columns):
-            if not np.isfinite(w[JAC + s, c]):
-                w[JAC + s, c] = 0.0
-            if w[JAC + s, c] != 0.0 and c < tab[NS]:
-                first = min(first, c)
-                last = c + 1
+            total += w[JAC + s, c]
+        if not np.isfinite(total):
+            for c in range(columns):
+                w[JAC + s, c] = w[JAC + s, c] if np.isfinite(w[JAC + s, c]) else 0.0
+        first, last = 0, tab[NS]
+        while first < last and w[JAC + s, first] == 0.0:
+            first += 1
+        while last > first and w[JAC + s, last - 1] == 0.0:
+            last -= 1
         w[SPAN, s], w[SPAN + 1, s] = first, last
 
 

@@ -69,7 +69,7 @@ KINK = 100.0
 NEARLY = 0.95
 """Share of the way to an event that is tried where the step is neither linear up to it nor smooth beyond."""
 SWEEPS = 3
-JUST_NOW = 1e-12
+JUST_NOW = 1e-9
 """Share of a step by which an event may be noticed late."""
 AT_ONCE = 1e-5
 """Share of a step within which what leaves a limit that it was at has left it: along a parabola, so by nothing."""
