@@ -20,6 +20,7 @@ from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.locate import LocateTask, locate, still_missing
 from ground.diagnose.name import Search
 from ground.diagnose.nameless import with_formula
+from ground.diagnose.needed import needed
 from ground.diagnose.outlook import Outlook
 from ground.diagnose.periods import with_periods
 from ground.diagnose.power import power_of, untestable
@@ -218,7 +219,7 @@ def conclude(
         fit=verified.fit,
         residual_whiteness=verified.whiteness,
         next_experiment=next_run(named, findings, data.windows, data.sigmas),
-        notes=notes_of(data, refit, named),
+        notes=notes_of(data, plant, refit, named),
         details={
             "windowed_rms": {
                 channel: {name: float(np.sqrt(np.mean(windows[name][channel] ** 2))) for name in plants}
@@ -246,9 +247,9 @@ def conclude(
     )
 
 
-def notes_of(data: Data, refit: Fit, named: Named) -> tuple[str, ...]:
+def notes_of(data: Data, plant: Plant, refit: Fit, named: Named) -> tuple[str, ...]:
     """What a reader must keep in mind."""
-    notes = [amount((*data.fitted, *data.held_out))]
+    notes = [amount((*data.fitted, *data.held_out)), *needed(named.chosen, plant)]
     if data.single:
         notes.append(
             f"There was one recording: its last {HELD_OUT_SHARE:.0%} was held out, so what changes from run to run "
