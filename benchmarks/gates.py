@@ -12,9 +12,11 @@ import json
 import subprocess
 import sys
 import tempfile
+import tomllib
 from collections import defaultdict
 from collections.abc import Callable, Mapping
-from importlib.metadata import requires
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, requires
 from pathlib import Path
 
 import yaml
@@ -62,7 +64,7 @@ def _share(part: int, whole: int) -> str:
 
 def licences() -> int:
     """Packages of the flight software and of the ground extra, with all that these bring; 1 for one not permitted."""
-    wanted = needed("hopper-flight", {"ground", "rpi", "cluster"})
+    wanted = needed("ground", "rpi", "cluster")
     command = [sys.executable, "-m", "piplicenses", "--format=json", "--from=mixed"]
     rows = json.loads(subprocess.check_output(command, text=True))
     bad = 0
@@ -77,25 +79,21 @@ def licences() -> int:
     return int(bad > 0)
 
 
-def needed(package: str, extras: set[str]) -> set[str]:
-    """Names of all that a package needs with these extras, and what these need; what is not installed is left out."""
+def needed(*extras: str) -> set[str]:
+    """Names of all that this project needs with these extras, and what these need, as far as they are installed."""
     from packaging.requirements import Requirement
 
-    found, todo = set[str](), [(package, extras)]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    own = [project["dependencies"], *(project["optional-dependencies"][extra] for extra in extras)]
+    found, todo = set[str](), [(Requirement(line), {""}) for lines in own for line in lines]
     while todo:
-        name, asked = todo.pop()
-        try:
-            lines = requires(name) or []
-        except ModuleNotFoundError:
+        requirement, asked = todo.pop()
+        marker, key = requirement.marker, requirement.name.lower().replace("_", "-")
+        if key in found or (marker and not any(marker.evaluate({"extra": extra}) for extra in asked)):
             continue
-        for requirement in map(Requirement, lines):
-            marker = requirement.marker
-            if marker and not any(marker.evaluate({"extra": extra}) for extra in (*asked, "")):
-                continue
-            key = requirement.name.lower().replace("_", "-")
-            if key not in found:
-                found.add(key)
-                todo.append((key, set(requirement.extras)))
+        found.add(key)
+        with suppress(PackageNotFoundError):
+            todo += [(Requirement(line), {*requirement.extras, ""}) for line in requires(key) or []]
     return found
 
 

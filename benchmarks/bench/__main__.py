@@ -38,7 +38,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--out", type=Path, default=PAGE, help="the table, as markdown")
+    parser.add_argument("--out", type=Path, help="the table, as markdown; default of a whole run: results.md")
     parser.add_argument("--json", type=Path, help="write the figures here")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--parts", default=",".join((*PARTS, *GROWTHS)))
@@ -55,7 +55,9 @@ def main() -> None:
             growths += GROWTHS[name](given.repeats)
     show(HEADERS[:-1], [row.cells[:-1] for row in rows])
     show(GROWTH_HEADERS, [growth.cells for growth in growths])
-    write_atomic(given.out, page(rows, growths))
+    out = given.out or (PAGE if {*parts} == {*PARTS, *GROWTHS} else None)
+    if out:
+        write_atomic(out, page(rows, growths))
     if given.json:
         write_atomic(given.json, json.dumps({"figures": figures(rows, growths)}, indent=1) + "\n")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -16,14 +16,16 @@ from benchmarks.bench.logs import log_rows
 from benchmarks.bench.numba_hop import numba_hop
 from benchmarks.bench.output_error import output_error
 from benchmarks.bench.rows import Growth, Row, by_turns, rates, seconds
-from benchmarks.blind.cases import BlindCase, draw_case
+from benchmarks.blind.cases import BlindCase, draw_case, measured
 from benchmarks.blind.rivals import sparse_regression
+from benchmarks.blind.sight import simulate
 from benchmarks.hop_peers import MuJoCoHop, Rig, by_scipy
 from benchmarks.real_time import open_on_sand, plan, recorded
 from benchmarks.rival_estimators import RIVALS
 from flight import settings as flight_settings
 from flight.executive import fly
 from ground.diagnose.pipeline import diagnose
+from ground.recordings import Recording
 from hal.config import config_path
 from hal.log import NullLog
 from sim_hal.plant.hops import Hops
@@ -247,31 +249,41 @@ MORE_EFFECTS = (
 
 
 def diagnosis_growth(repeats: int) -> list[Growth]:
-    """How a diagnosis grows with recordings and with samples."""
+    """How a diagnosis grows with recordings, and with samples of the same runs.
+
+    Finer runs have the same inputs and are measured anew: thinned ones would have other inputs, and so physics of
+    their own to be searched.
+    """
     case = draw_case(*GROWTH_CASE, 1)
     runs = (*case.train, *case.test)
 
-    def spent(recordings: tuple[object, ...]) -> float:
-        return seconds(lambda: diagnose(recordings, case.plant, processes=1))  # type: ignore[arg-type]
-
-    def thinned(step: int) -> tuple[object, ...]:
-        return tuple(
-            replace(
-                run, times_s=run.times_s[::step], channels={n: c[::step] for n, c in run.channels.items()}
-            )
-            for run in runs
-        )
+    def spent(recordings: Sequence[Recording]) -> float:
+        return seconds(lambda: diagnose(recordings, case.plant))
 
     most = len(runs)
     numbers = tuple(sorted({2, most // 2, most}))
     by_runs = tuple(spent(runs[:number]) for number in numbers)
-    total = sum(run.times_s.size for run in runs)
-    steps = (4, 2, 1)
-    by_samples = (*(spent(thinned(step)) for step in steps[:-1]), by_runs[-1])
+    finer = [measured_at(case, runs, times) for times in (1, 2, 4)]
     return [
         Growth("diagnosis: recordings", tuple(map(float, numbers)), by_runs),
-        Growth("diagnosis: samples", tuple(total / step for step in steps), by_samples),
+        Growth(
+            "diagnosis: samples",
+            tuple(float(sum(run.times_s.size for run in each)) for each in finer),
+            tuple(map(spent, finer)),
+        ),
     ]
+
+
+def measured_at(case: BlindCase, runs: Sequence[Recording], times: int) -> tuple[Recording, ...]:
+    """The same runs of the true rig, read so many times as often."""
+    random = np.random.default_rng(times)
+    finer = []
+    for run in runs:
+        grid = np.linspace(run.times_s[0], run.times_s[-1], times * (run.times_s.size - 1) + 1)
+        channels = {name: np.interp(grid, run.times_s, values) for name, values in run.channels.items()}
+        finer.append(replace(run, times_s=grid, channels=channels))
+    clean = simulate(case.truth, finer)
+    return tuple(measured(run, table, case.plant, random) for run, table in zip(finer, clean, strict=True))
 
 
 PARTS: Mapping[str, Callable[[int], list[Row]]] = {
