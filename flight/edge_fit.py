@@ -23,10 +23,9 @@ _GIVE_UP_DAMPING = 1e3
 _HOPELESS = (2, 50.0)  # after so many steps, a fit so much worse than the best is left alone
 _MOST_MOVE_S, _FURTHEST_S = 2e-3, 0.012  # of an edge: in one step, and from where it was first put
 _THROWN_M_S = 0.2
-_GRAZE_STEP_S, _GRAZE_STEPS = 2e-4, 126  # of the foot's path after it left, over 25 ms
-_GRAZE_M, _GRAZE_ODDS = 1e-5, 1e-3  # what the path may be wrong by beside its speed; odds that count
 _SAME_S = 3e-5  # so close, two fits are one
 _SOIL_LOG = 14.2  # of stiffness over leg mass [1/s^2]: soils stay below
+_LEAST_M_S, _LEAST_SHARE = 1e-4, 1e-9  # sigma of a foot's speed; of that sigma, what goes the right way
 _ROUGH = (0.1, 0.03)  # share of what soft and hard ground adds that a start may miss
 
 
@@ -56,8 +55,29 @@ class Edge:
 
     @property
     def evidence(self) -> float:
-        """Twice the negative logarithm of how likely the samples are, but for a constant: with the peak's volume."""
-        return self.cost - float(np.linalg.slogdet(self.covariance)[1])
+        """Twice the negative logarithm of how likely the samples are, but for a constant: with the peak's volume.
+
+        At what height the ground is, nobody knows: the foot's path crosses it as likely as it is steep there.
+        """
+        z, sigma = self.foot_speed_sigmas, self._foot_speed_sigma_m_s
+        share = 0.5 * math.erfc(-z / math.sqrt(2.0))
+        forwards = math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi) + z * share  # mean of what is above zero
+        steep = 2.0 * math.log(sigma * max(forwards, _LEAST_SHARE))
+        return self.cost - float(np.linalg.slogdet(self.covariance)[1]) - steep
+
+    @property
+    def foot_speed_sigmas(self) -> float:
+        """The foot's speed at the edge over what the fit leaves open of it."""
+        return self.foot_speed_m_s / self._foot_speed_sigma_m_s
+
+    @property
+    def _foot_speed_sigma_m_s(self) -> float:
+        robot = self.data.robot
+        swing = float(self.ringing.acceleration_m_s2(np.array((self.time_s,)))[0])
+        rising = -robot.gravity_m_s2 - (1.0 - robot.leg_share) / robot.leg_share * swing
+        slope = np.array((-self.data.way * rising, 1.0))
+        part = self.covariance[np.ix_((E.TIME, E.SPEED), (E.TIME, E.SPEED))]
+        return max(math.sqrt(float(slope @ part @ slope)), _LEAST_M_S)
 
     @property
     def foot_speed_m_s(self) -> float:
@@ -73,27 +93,6 @@ class Edge:
         return abs(
             float(self.parameters[name] - self.data.prior_mean[name]) / float(self.data.prior_std[name])
         )
-
-    def graze(self) -> tuple[float, float] | None:
-        """When the foot, having left, comes down once more as deep: seconds after; and the odds that it touches.
-
-        The body's push on the spring is not over yet when the foot leaves early. None where it keeps clear.
-        """
-        data, ringing = self.data, self.ringing
-        tau = np.arange(1.0, _GRAZE_STEPS) * _GRAZE_STEP_S
-        body = 1.0 - data.robot.leg_share
-        start_m = ringing.compression(self.time_s, data.robot)[0]
-        swung = np.array([ringing.compression(self.time_s + t, data.robot)[0] for t in tau]) - start_m
-        com = data.speed_m_s - data.robot.gravity_m_s2 * (self.time_s - data.speed_at_s)
-        speed = com + float(self.parameters[E.SPEED])
-        height = speed * tau - 0.5 * data.robot.gravity_m_s2 * tau**2 + body * swung
-        low = np.flatnonzero((height[1:-1] < height[:-2]) & (height[1:-1] <= height[2:])) + 1
-        if not low.size:
-            return None
-        at = int(low[0])
-        sigma = math.hypot(_GRAZE_M, math.sqrt(self.covariance[E.SPEED, E.SPEED]) * float(tau[at]))
-        touching = 0.5 * math.erfc(float(height[at]) / sigma / math.sqrt(2.0))
-        return (float(tau[at]), touching) if touching > _GRAZE_ODDS else None
 
     def misfits(self) -> tuple[float, float]:
         """Root mean square residual in noise sigmas: in flight, in contact."""

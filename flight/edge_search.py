@@ -29,8 +29,12 @@ _INTO_S = {(False, False): 0.0035, (False, True): 0.001, (True, False): 0.0025, 
 _TRIED_S = {False: (7e-3, 3.5e-4), True: (1.5e-3, 2e-4)}
 _TRIED_ON_STEEL_S = 1.2e-4  # where the foot bounces, its last touch is a blow
 _BACKWARDS_M_S = 0.01  # of the foot at an edge: what its speed may be wrong by
+_SEEN_TO_MOVE = 3.0  # its speed, in sigmas
+_PLAINLY_WORSE = 9.0  # by so much in cost a fit does not take the place of one whose foot hardly moves
 _STIFF_LOGS = (12.0, 13.2, 14.4)
-_SPEEDS = (-1.6, -0.8, 0.0, 0.8, 1.6)  # of the foot, in sigmas, that are tried where it has bounced
+_SPEEDS = (1.6, 5)  # of the foot, up to so many sigmas either way and how many, tried where it has bounced
+_NOT_YET = 1.5  # cost of a sample beyond which bounces are looked for once more,
+_FINER, _MOST_MORE_STARTS = 2, 30  # so many times as finely
 _MOST_STARTS, _APART_S = (12, 10), (3e-4, 2.2e-4)  # of the fits of one end, and how far apart they start
 _EDGE_STD_S = 4e-3  # how far the search may have missed the edge
 _SPEED_STD = (0.015, 0.01)  # of the foot: share of its own ringing, and [m/s]
@@ -97,37 +101,67 @@ def look_at_end(scene: Scene, stretch: Stretch, way: float, omega_std: float) ->
 
 
 def best_edge(
-    scene: Scene, end: EndOfFlight, hard: bool, speed_m_s: float, speed_at_s: float, other: Edge | None = None
+    scene: Scene,
+    end: EndOfFlight,
+    hard: bool,
+    speed_m_s: float,
+    speed_at_s: float,
+    other: Edge | None = None,
+    enough: float = math.inf,
 ) -> Edge | None:
     """The best fit of this end on hard or on soft ground; None where none leads anywhere.
 
-    `other`: the end already fitted, on the same ground. Where several fits explain the samples about as well,
-    the edge's variance is that of all of them.
+    `other`: the end already fitted, on the same ground. `enough`: what a sample costs on the other ground; a fit
+    that costs more is not worth looking further. Where several fits explain the samples about as well, the edge's
+    variance is that of all of them.
     """
     data = _edge_data(scene, end, hard, speed_m_s, speed_at_s, other)
-    touchdown = end.way != TAKE_OFF
-    bounced = hard and not touchdown
-    last_s, apart_s = _TRIED_S[touchdown]
-    apart_s = _TRIED_ON_STEEL_S if bounced else apart_s
+    bounced = hard and end.way == TAKE_OFF
     step_s = float(np.median(np.diff(scene.times_s)))
-    known = data.prior_mean
+    begins = starts(data, _tried(data, end, step_s, other), _MOST_STARTS[bounced], _APART_S[bounced])
+    edges = fit_edges(data, begins, scene.heartbeat)
+    least = min((edge.cost / data.times_s.size for edge in edges), default=math.inf)
+    if bounced and _NOT_YET < least < enough:
+        finely = _tried(data, end, step_s, other, _FINER)
+        begins = starts(data, finely, _MOST_MORE_STARTS, _APART_S[bounced] / _FINER)
+        edges += fit_edges(data, begins, scene.heartbeat)
+    edges = _plausible(edges)
+    return mixed(edges, [edge.evidence for edge in edges], _TEMPER) if edges else None
+
+
+def _tried(
+    data: EdgeData, end: EndOfFlight, step_s: float, other: Edge | None, finer: int = 1
+) -> dict[E, Sequence[float]]:
+    """What is tried for the ground's parameters, so many times as finely where the foot has bounced."""
+    touchdown, known = end.way != TAKE_OFF, data.prior_mean
+    bounced = data.hard and not touchdown
+    last_s, apart_s = _TRIED_S[touchdown]
+    apart_s = _TRIED_ON_STEEL_S / finer if bounced else apart_s
     tried: dict[E, Sequence[float]] = {
         E.TIME: (end.strange_s - end.way * np.arange(-2e-4, last_s + 1.2 * step_s, apart_s)).tolist(),
         E.STIFF: _STIFF_LOGS,
     }
     if bounced:
         tried[E.STIFF] = (known[E.STIFF],)
-        tried[E.SPEED] = [sigmas * data.prior_std[E.SPEED] for sigmas in _SPEEDS]
-    elif hard or other:
+        speeds = np.linspace(-_SPEEDS[0], _SPEEDS[0], (_SPEEDS[1] - 1) * finer + 1)
+        tried[E.SPEED] = (speeds * data.prior_std[E.SPEED]).tolist()
+    elif data.hard or other:
         tried[E.STIFF] = [known[E.STIFF] + more for more in (-0.4, 0.0, 0.4)]
-    if touchdown and not hard:
+    if touchdown and not data.hard:
         tried[E.YIELD] = [known[E.YIELD] + more for more in (0.0, 0.6)]
         tried[E.SOFT] = [known[E.SOFT] + more for more in (-0.7, 0.7)]
-    begins = starts(data, tried, _MOST_STARTS[bounced], _APART_S[bounced])
-    edges = fit_edges(data, begins, scene.heartbeat)
-    # A foot that goes down does not leave the ground, nor does one that rises meet it.
-    edges = [edge for edge in edges if edge.foot_speed_m_s > -_BACKWARDS_M_S] or edges
-    return mixed(edges, [edge.evidence for edge in edges], _TEMPER) if edges else None
+    return tried
+
+
+def _plausible(edges: list[Edge]) -> list[Edge]:
+    """Those at which the foot goes the right way; all where none does.
+
+    A foot that goes down does not leave the ground, nor does one that rises meet it. One that hardly moves is not
+    seen to touch: whether it did, after it had left before, `flight.graze` asks of each such take-off.
+    """
+    least = min((edge.cost for edge in edges), default=0.0) + _PLAINLY_WORSE
+    moving = [edge for edge in edges if edge.foot_speed_sigmas > _SEEN_TO_MOVE and edge.cost < least]
+    return moving or [edge for edge in edges if edge.foot_speed_m_s > -_BACKWARDS_M_S] or edges
 
 
 def _edge_data(

@@ -20,6 +20,7 @@ from flight.edge_search import EndOfFlight, Scene, best_edge, look_at_end
 from flight.flight_search import Expectation, NoFlight, Stretch, find_flight
 from flight.flown import FlightFit as FlightFit
 from flight.flown import FlightTime as FlightTime
+from flight.graze import graze
 from flight.heartbeat import Heartbeat, Stalled
 from flight.quality import afterwards, gap_at, has_gap, longest_gap_s
 from flight.record import HopRecord
@@ -37,8 +38,6 @@ _EXPLAINED_CHI = 1.5  # misfit in contact that needs no other ground
 _UNLIKE_CHI = 4.0  # misfit in contact of a ground that is not looked at further, if another explains more
 _GROUNDS_TEMPER = 10.0  # by which the costs of soft and hard ground count less
 _BOUNCING = 4.0  # as much more is left to the model where the foot bounces between two samples
-_GRAZE_ODDS = 0.02  # of a graze that is foreseen, or excluded, for certain
-_GRAZE_M_S = 0.1  # speed of a foot that leaves hard ground hardly touching it: it may have left before
 _DEGRADED_CHI = 3.0
 _DEGRADED_PULL = 3.0  # of the ground's stiffness from one end to the other, in sigmas
 _REJECTED_CHI = 60.0
@@ -185,12 +184,12 @@ class _Estimate:
         Where the other ground explains them nearly as well, the variances are those of both.
         """
         found: list[tuple[float, Edge, Edge, bool]] = []
-        best_chi = math.inf
+        best_chi, enough = math.inf, math.inf
         for hard in (False, True):
-            left = best_edge(scene, take_off, hard, speed, at_s)
+            left = best_edge(scene, take_off, hard, speed, at_s, enough=enough)
             if left is None or left.misfits()[1] > max(_UNLIKE_CHI, 3.0 * best_chi):
                 continue
-            best_chi = min(best_chi, left.misfits()[1])
+            best_chi, enough = min(best_chi, left.misfits()[1]), left.cost / left.residuals.size
             back = best_edge(scene, touchdown, hard, speed, at_s, left)
             if back is None:
                 continue
@@ -224,13 +223,11 @@ class _Estimate:
             )
         left_s, leaving_sigma_s = fit.take_off.time_s, sigmas[0]
         if not fit.take_off.is_soil:
-            grazing_s = evaluation.graze_error_s if fit.take_off.foot_speed_m_s < _GRAZE_M_S else 0.0
-            sigmas[0] = math.hypot(sigmas[0], grazing_s, _BOUNCING * unseen_s)
+            sigmas[0] = math.hypot(sigmas[0], _BOUNCING * unseen_s)
             leaving_sigma_s = sigmas[0]
-        if (graze := fit.take_off.graze()) is not None:
-            after_s, odds = graze
-            left_s += after_s if odds > 0.5 else 0.0
-            sigmas[0] = math.hypot(sigmas[0], after_s * math.sqrt(min(odds, 1.0 - odds) + _GRAZE_ODDS))
+        if (again := graze(fit.take_off)) is not None:
+            left_s += again.after_s if again.odds > 0.5 else 0.0
+            sigmas[0] = math.hypot(sigmas[0], again.after_s * math.sqrt(min(again.odds, 1.0 - again.odds)))
         sigmas[1] = math.hypot(sigmas[1], self.record.rate_sigma * (edges[1].time_s - edges[0].time_s))
         ends = [edge.ringing.compression(edge.time_s, fit.robot) for edge in edges]
         offset = fit.level.value_m_s2 * self.gain + self.static - self.gravity * self.gain

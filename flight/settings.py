@@ -54,7 +54,6 @@ class EvaluationSettings:
     touchdown_error_s: Positive
     sampling_error_1_s: NotNegative
     friction_error_s3_m: NotNegative
-    graze_error_s: NotNegative
     reference_repeatability: Share
     ground: GroundSettings
 
