@@ -15,6 +15,9 @@ from sim_hal.plant.simulate import Plant
 
 STRENGTH_SIGMAS = 3.0
 """An effect whose strength is not this many of its own sigmas from zero is not identified."""
+OBVIOUS = 0.5
+"""An effect that leaves less than this share of chi-square is there, though its size may not be told: a delay of less
+than a sample, of a reading that only moves at samples."""
 LOST_SIGMAS = 2.0
 """One whose strength comes this near to zero once all others are in place is no finding any more."""
 LEAST_SIGMA = 1e-300
@@ -69,17 +72,21 @@ def worthwhile(before: HeldOut, after: HeldOut, nats: float) -> bool:
     return removed > WORTHWHILE * before.mean_square or (removed > OF_EXCESS * excess and nats > NATS)
 
 
-def identified(candidate: Candidate, fit: Fit, segments: Sequence[Segment]) -> bool:
-    """Whether the effect's strength is told from zero (a tolerance: from what was stated) by its own fit."""
-    return significance(candidate, fit, segments) > STRENGTH_SIGMAS
+def identified(candidate: Candidate, fit: Fit, segments: Sequence[Segment], without: float) -> bool:
+    """Whether the effect is told from nothing (a tolerance: from what was stated), chi-square `without` it."""
+    return significance(candidate, fit, segments, without) > STRENGTH_SIGMAS
 
 
-def significance(candidate: Candidate, fit: Fit, segments: Sequence[Segment]) -> float:
-    """How many of its own sigmas an effect's strength is from zero; infinite for one that acts as a whole.
+def significance(candidate: Candidate, fit: Fit, segments: Sequence[Segment], without: float) -> float:
+    """How many of its own sigmas an effect's strength is from zero by its own fit.
+
+    Infinite for an effect that acts as a whole, and for one that is obvious beside chi-square `without` it.
 
     Its other parameters count as known: without strength they mean nothing, and one that no recording tells must
     not hide an effect that every recording shows.
     """
+    if fit.chi2 < OBVIOUS * without:
+        return math.inf
     if isinstance(candidate, ReleasedParameter):
         away = abs(fit.values[candidate.key] - candidate.stated)
         return float(away / max(candidate.tolerance, fit.std[candidate.key]))

@@ -25,7 +25,7 @@ Float = NDArray[np.float64]
 EXCESS_OF_BUILT_IN = 1.1
 SURELY_NO_NOISE = 1e-6
 UNDECIDED = 0.5
-"""A name less probable than this is not claimed: the verdict is then undecidable."""
+"""Kind and place less probable than this are not claimed: the verdict is then undecidable."""
 EXCESS = 1.5
 """Standardised rms above which residuals say that something is there, though no candidate explains it."""
 STILL_OPEN = 0.02
@@ -170,11 +170,21 @@ def regime_of(candidate: Candidate, forces: Sequence[LocatedForce]) -> str:
     return f"Before the extension, {cause} alone explains {share:.0%} of this equation's missing force."
 
 
-def verdict_of(findings: Sequence[Finding], fit: Fit, segments: Sequence[Segment]) -> Verdict:
-    """Mismatch when something is named; undecidable when something is there that no name fits."""
-    if any(finding.probability >= UNDECIDED for finding in findings):
+def verdict_of(named: Named, segments: Sequence[Segment]) -> Verdict:
+    """Mismatch when it is told what lacks; undecidable when something is there and the data do not say what."""
+    if any(told_where(chosen, named.fit) >= UNDECIDED for chosen in named.chosen):
         return "mismatch"
-    return "undecidable" if findings or unexplained(fit, segments) else "consistent"
+    return "undecidable" if named.chosen or unexplained(named.fit, segments) else "consistent"
+
+
+def told_where(chosen: Chosen, fit: Fit) -> float:
+    """Probability that a law of this kind acts in this equation (a fault in this channel), whatever its name."""
+    own = chosen.candidate
+    return sum(
+        weight
+        for candidate, weight in shared_with_twins(chosen, fit)
+        if (candidate.kind, candidate.channel, candidate.equation) == (own.kind, own.channel, own.equation)
+    )
 
 
 def unexplained(fit: Fit, segments: Sequence[Segment]) -> bool:

@@ -95,7 +95,7 @@ class Search(Trials):
         candidate, fit = fits[0]
         if fit.chi2 > FAR_BETTER * taken.chi2:
             return None
-        if not identified(candidate, fit, self.workers.context.segments):
+        if not identified(candidate, fit, self.workers.context.segments, current.chi2):
             return None
         rivals = tuple(c for c, _ in fits[1 : RIVALS + 1])
         twins = self._twins.get(candidate.key, ())
@@ -147,7 +147,7 @@ class Search(Trials):
         if len(final) < 2:
             return None
         segments = self.workers.context.segments
-        strengths = [significance(one.candidate, current, segments) for one in final]
+        strengths = [significance(one.candidate, current, segments, one.chi2_without) for one in final]
         if min(strengths) < LOST_SIGMAS:
             return final[int(np.argmin(strengths))]
         least = min(final, key=lambda one: one.probability_better)
@@ -181,7 +181,7 @@ class Search(Trials):
             tried.append((candidate, better))
             nats = float(np.sum(scores - before.scores(share)))
             useful = better >= ACCEPT and worthwhile(before, held, nats)
-            if useful and identified(candidate, fit, self.workers.context.segments):
+            if useful and identified(candidate, fit, self.workers.context.segments, current.chi2):
                 able.append((candidate, scores, self.unusual(candidate, fit)))
         if not able:
             return None, tuple(tried)
@@ -231,6 +231,7 @@ class Search(Trials):
 
     def contest(self, final: Fit, one: Chosen) -> Chosen:
         """Weights of one effect and its rivals, with all other effects in place."""
+        segments = self.workers.context.segments
         absent = self.without(final, one)
         others = self.swapped(absent, one)
         share = self.share(final)
@@ -245,14 +246,12 @@ class Search(Trials):
         shares = model_weights(scores, [self.unusual(candidate, fit) for candidate, fit in rivals])
         weights = [(candidate, float(w)) for (candidate, _), w in zip(rivals, shares, strict=True)]
         # The plant without the effect is scored on the very data it was fitted to, which can only flatter it.
-        lacking = in_sample(absent, self.workers.context.segments).scores(share)
+        lacking = in_sample(absent, segments).scores(share)
         return replace(
             one,
             weights=tuple(sorted(weights, key=lambda item: -item[1])),
             probability_better=probability_better(scores[0], lacking),
             chi2_without=absent.chi2,
             absent=absent,
-            rival_fit=next(
-                (pair for pair in close if identified(*pair, self.workers.context.segments)), None
-            ),
+            rival_fit=next((pair for pair in close if identified(*pair, segments, absent.chi2)), None),
         )

@@ -31,7 +31,7 @@ def with_formula(named: Named, force: LocatedForce, workers: Workers) -> Named:
     scores = after.scores(share), before.scores(share)
     better = probability_better(*scores)
     useful = worthwhile(before, after, float((scores[0] - scores[1]).sum()))
-    if better < ACCEPT or not useful or not identified(candidate, fit, segments):
+    if better < ACCEPT or not useful or not identified(candidate, fit, segments, named.fit.chi2):
         return named
     (final,) = workers.map(fit_job, [FitTask(fit.plant, fit, fit.values, "final")])
     weights = ((candidate, law.explained),)
@@ -43,7 +43,9 @@ def without_lost(named: Named, workers: Workers) -> Named:
     """The search's end without effects that stood in for what the formula says, their strength lost beside it."""
     segments = workers.context.segments
     lost = [
-        one for one in named.chosen[:-1] if significance(one.candidate, named.fit, segments) < LOST_SIGMAS
+        one
+        for one in named.chosen[:-1]
+        if significance(one.candidate, named.fit, segments, one.chi2_without) < LOST_SIGMAS
     ]
     if not lost:
         return named

@@ -214,7 +214,7 @@ def conclude(
         plant=plant.name,
         fitted=tuple(r.run for r in data.fitted),
         held_out=tuple(r.run for r in data.held_out),
-        verdict=verdict_of(findings, named.fit, data.windows),
+        verdict=verdict_of(named, data.windows),
         findings=findings,
         fit=verified.fit,
         residual_whiteness=verified.whiteness,

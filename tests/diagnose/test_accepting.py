@@ -9,18 +9,21 @@ import pytest
 from diagnose_rig import friction, plant, recordings
 
 from ground.diagnose.accept import degenerate
-from ground.diagnose.candidates import EffectCandidate, effect_candidates, ranges_of
+from ground.diagnose.candidates import Candidate, EffectCandidate, effect_candidates, ranges_of
 from ground.diagnose.chosen import Chosen, Named
 from ground.diagnose.confirm import confirmed, holds
+from ground.diagnose.findings import told_where
 from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.name import Search
 from ground.diagnose.outlook import Outlook
-from ground.diagnose.pipeline import Data, prepare
+from ground.diagnose.pipeline import Data, diagnose, prepare
+from ground.diagnose.released import released_parameters
+from ground.diagnose.result import Diagnosis
 from ground.diagnose.scales import find_scales
 from ground.diagnose.segments import sensor_sigma
 from ground.diagnose.workers import Workers
-from ground.recordings.model import Recording
-from sim_hal.plant.simulate import EffectUse, Parameter, Plant
+from ground.recordings.model import Recording, SensorSpec
+from sim_hal.plant.simulate import EffectUse, Parameter, Plant, Run, compile_plant, load_plant
 
 
 def refitted(given: Plant, truth: Plant, seed: int) -> tuple[Data, Fit]:
@@ -81,3 +84,71 @@ def test_the_sensors_noise_is_read_from_the_readings(tmp_path: Path, noise_m: fl
     channels = {"push_n": 0.0 * times, "position_m": noisy}
     run = Recording(times, channels, run="run", rig="oscillator", kind="bench")
     assert sensor_sigma([run], bare, "position_m") == pytest.approx(noise_m, rel=0.15)
+
+
+def test_a_delay_that_is_told_only_to_a_sample_is_found_all_the_same(tmp_path: Path) -> None:
+    """A reading that moves at samples only looks the same for any delay below one: its size has no sigma."""
+    given = pushed_block(tmp_path)
+    truth = given.with_effect(
+        EffectUse("sensor_delay", "sensor", "acceleration_m_s2", {"delay": Parameter(4e-3, 0.0, "s")})
+    )
+    assert [f.physics_id for f in answer(given, truth).findings] == ["sensor_delay"]
+    assert answer(given, given).verdict == "consistent"
+
+
+def pushed_block(folder: Path) -> Plant:
+    """A block whose acceleration is read, pushed by a force that is held between samples."""
+    path = folder / "block.yaml"
+    text = """
+format: 1
+name: block
+kind: equations
+inputs: {push_n: {unit: N, interpolation: hold}}
+states:
+  q: {unit: m, initial: 0.0}
+  v: {unit: m/s, initial: 0.0}
+parameters:
+  mass: {value: 2.0, std: 0.1, unit: kg}
+equations:
+  kinematics: {state: q, rate: "v"}
+  force_balance: {state: v, rate: "push_n / mass", balance: true, per_force: "1 / mass", velocity: v, position: q}
+outputs:
+  acceleration_m_s2: {value: "rate(v)"}
+"""
+    path.write_text(text, encoding="utf-8")
+    return load_plant(path)
+
+
+def answer(given: Plant, truth: Plant) -> Diagnosis:
+    generator = np.random.default_rng(8)
+    compiled = compile_plant(truth)
+    times = 5e-3 * np.arange(300)
+    runs = []
+    for number in range(4):
+        push = np.repeat(generator.uniform(-6.0, 6.0, 30), 10)
+        clean = compiled.run(compiled.values, Run(times, {"push_n": push}))[:, 0]
+        noisy = clean + 0.05 * generator.standard_normal(times.size)
+        channels = {"push_n": push, "acceleration_m_s2": noisy}
+        sensors = {"acceleration_m_s2": SensorSpec(noise_std=0.05)}
+        runs.append(
+            Recording(times, channels, run=f"run_{number}", rig="block", kind="bench", sensors=sensors)
+        )
+    return diagnose(runs, given, lambda *_: None).diagnosis
+
+
+@pytest.mark.parametrize(
+    ("rival", "sure"),
+    [("quadratic_friction", True), ("sensor_bias", False), ("parameter_out_of_tolerance", False)],
+)
+def test_an_open_name_is_a_mismatch_still_and_an_open_kind_is_not(
+    tmp_path: Path, rival: str, sure: bool
+) -> None:
+    """Two laws of one equation say that it lacks something; a law and a fault of a sensor do not."""
+    given = plant(tmp_path)
+    data, refit = refitted(given, given, seed=7)
+    candidates: list[Candidate] = [*effect_candidates(given, find_scales(refit, data.windows))]
+    candidates += released_parameters(given, given)
+    found = {c.physics_id: c for c in candidates}
+    weights = ((found["viscous_friction"], 0.45), (found[rival], 0.45))
+    one = Chosen(found["viscous_friction"], 1.0, (), (), weights)
+    assert told_where(one, refit) == pytest.approx(0.9 if sure else 0.45)
