@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import struct
 from dataclasses import replace
@@ -171,10 +170,11 @@ def test_more_noise_never_narrows_the_intervals(
         for size in (0.0, noise, times * noise)
     ]
     flights = [estimate_flight(each, SETTINGS) for each in noisy]
-    accepted = [flight.time_of_flight_sigma_s for flight in flights if flight.verdict != "rejected"]
-    assert len(accepted) >= 2  # the most noise may be too much
-    # the noise is estimated from the samples: give or take what that estimate scatters
-    assert all(after > 0.95 * before for before, after in itertools.pairwise(accepted))
+    quiet, *accepted = [flight.time_of_flight_sigma_s for flight in flights if flight.verdict != "rejected"]
+    assert accepted  # the most noise may be too much
+    # The noise is estimated from the samples: give or take what that estimate scatters. Among noisy records one may
+    # see a second end that another does not, and state more for it: each is held against the quiet one.
+    assert all(sigma > 0.95 * quiet for sigma in accepted)
 
 
 @FEW
