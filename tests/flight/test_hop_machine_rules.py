@@ -6,6 +6,7 @@ A shadow keeps, in a few lines, what an observer knows: which commands were acce
 from __future__ import annotations
 
 import hypothesis.strategies as st
+import pytest
 from hypothesis import Phase as HypothesisPhase
 from hypothesis import settings as hypothesis_settings
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
@@ -14,7 +15,7 @@ from flight import hop_machine
 from flight import settings as flight_settings
 from flight.commands import COMMAND_NAMES
 from flight.monitors import firing_interlocks, reset_interlocks
-from flight.states import SENSORS, TRANSITIONS, Machine, Phase, Snapshot, Step, Target
+from flight.states import SENSORS, TRANSITIONS, Machine, Phase, Snapshot, Step, Target, changed
 from flight.tensioning import compression_for_energy_m
 from hal.readings import GroundCommand
 
@@ -231,6 +232,15 @@ def standing(compression_m: float, **changes: object) -> Snapshot:
         sampled_s=dict.fromkeys(SENSORS, 100.0),
     )
     return snap._replace(**changes)  # type: ignore[arg-type]
+
+
+def test_a_changed_state_is_as_by_replace_and_an_unknown_field_is_an_error() -> None:
+    machine, snap = Machine(phase=Phase.HOLD, reason="abort"), Snapshot(1.0)
+    assert changed(machine, voltage_v=2.0, taut_m=0.1) == machine._replace(voltage_v=2.0, taut_m=0.1)
+    assert changed(snap, latch_closed=True) == snap._replace(latch_closed=True)
+    assert isinstance(changed(snap), Snapshot)
+    with pytest.raises(KeyError, match="speed"):
+        changed(machine, speed=1.0)
 
 
 def test_each_interlock_alone_forbids_firing() -> None:

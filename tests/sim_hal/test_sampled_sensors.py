@@ -102,6 +102,34 @@ def test_a_full_fifo_loses_the_oldest_and_says_so() -> None:
     assert not probe.drain().overrun
 
 
+def test_a_full_fifo_keeps_the_newest_of_many_small_pieces() -> None:
+    probe = sensor(depth=4)
+    for index in range(9):
+        probe.record([float(index)], [float(index)])
+    probe.record([9.0, 10.0, 11.0], [9.0, 10.0, -11.0])
+    batch = probe.drain()
+    assert batch.times_s == (8.0, 9.0, 10.0, 11.0)
+    assert batch.values == (8.0, 9.0, 10.0, -10.0)
+    assert batch.saturated == (False, False, True, True)
+    assert batch.overrun
+    assert probe.drain() == ((), (), (), False)
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from([0.0, -0.004, 1.3, 9.999, -12.0]), st.integers(1, 40)), max_size=30),
+    st.sampled_from([0.0, 0.01]),
+)
+def test_a_truth_that_holds_reads_to_the_bit_as_one_told_for_each_sample(
+    pieces: list[tuple[float, int]], step: float
+) -> None:
+    whole, each = sensor(std=0.01, step=step), sensor(std=0.01, step=step)
+    for truth, count in pieces:
+        instants = [0.1 * index for index in range(count)]
+        whole.record(instants, truth)
+        each.record(instants, [truth] * count)
+    assert repr(whole.drain()) == repr(each.drain())  # tells -0.0 from 0.0
+
+
 def test_stuck_sensor_repeats_its_last_value_with_new_times() -> None:
     probe = sensor()
     probe.record([0.0], [1.0])
