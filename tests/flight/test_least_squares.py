@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flight.heartbeat import Heartbeat, Stalled
-from flight.least_squares import fit
+from flight.least_squares import _jacobian, fit
 
 FREE = np.full(2, np.inf)
 ORIGIN = np.zeros(2)
@@ -20,12 +20,13 @@ def line(seed: int, samples: int = 12) -> tuple[np.ndarray, np.ndarray]:
     return design, design @ (3.0, -0.5) + rng.normal(size=samples)
 
 
-@given(st.integers(0, 1000), st.floats(-3.0, 3.0))
+@given(st.integers(0, 1000), st.floats(-9.0, 9.0))
 def test_a_line_is_fitted_as_the_normal_equations_say(seed: int, log_unit: float) -> None:
     """Also where the parameters' units are far apart."""
     design, seen = line(seed)
     design = design * (1.0, 10.0**log_unit)
-    found = fit(lambda p: seen - design @ p, np.array((1.0, 1.0)), ORIGIN, FREE, Heartbeat())
+    start = np.array((1.0, 1.0 / 10.0**log_unit))
+    found = fit(lambda p: seen - design @ p, start, ORIGIN, FREE, Heartbeat())
     normal = design.T @ design
     expected = np.linalg.solve(normal, design.T @ seen)
     np.testing.assert_allclose(found.parameters, expected, rtol=1e-5, atol=1e-5 / 10.0**log_unit)
@@ -73,12 +74,61 @@ def test_a_curved_valley_is_followed_to_its_bottom() -> None:
     assert calls < 200
 
 
-def test_a_start_at_zero_and_residuals_that_overflow_far_away_do_no_harm() -> None:
+def test_residuals_that_overflow_far_away_do_no_harm() -> None:
+    """From far down the flat side of an exponential the first steps lead to infinity, less infinity."""
     found = fit(
-        lambda p: np.exp(np.array((p[0], 2.0 * p[0]))) - np.array((np.e**2, np.e**4)),
-        np.zeros(1), np.zeros(1), np.full(1, np.inf), Heartbeat(),
+        lambda p: np.array((np.exp(p[0]) - 1.0, np.exp(2.0 * p[0]) - np.exp(p[0]))),
+        np.array((-8.0,)), np.zeros(1), np.full(1, np.inf), Heartbeat(), tolerance=1e-12,
     )  # fmt: skip
-    assert found.parameters[0] == pytest.approx(2.0, abs=1e-5)
+    assert found.parameters[0] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_where_no_step_helps_the_fit_is_over() -> None:
+    found = fit(lambda p: 1.0 + np.abs(p), np.zeros(1), np.zeros(1), np.full(1, np.inf), Heartbeat(most=2))
+    assert (found.converged, found.cost, found.parameters[0]) == (True, 1.0, 0.0)
+
+
+def test_at_no_tolerance_it_is_over_when_nothing_is_gained() -> None:
+    assert fit(lambda p: p - 3.0, np.ones(2), ORIGIN, FREE, Heartbeat(), tolerance=0.0).converged
+
+
+def test_what_is_left_over_is_the_measure_of_a_gain() -> None:
+    """Beside residuals that no parameter can lower, small gains are not worth their steps."""
+    beats = []
+    found = fit(
+        lambda p: np.array((10.0 * (p[1] - p[0] ** 2), 1.0 - p[0], 1000.0)),
+        np.array((-1.2, 1.0)), ORIGIN, FREE, Heartbeat(lambda: beats.append(1)), tolerance=1e-5,
+    )  # fmt: skip
+    assert found.converged
+    assert len(beats) <= 3
+
+
+@pytest.mark.parametrize(
+    ("point", "start", "prior_std", "step"),
+    [
+        (2.0, 1.0, np.inf, 2e-6),
+        (0.5, 3.0, np.inf, 3e-6),
+        (0.5, 0.25, np.inf, 0.5e-6),
+        (-0.5, 0.25, 8.0, 0.5e-6),
+        (4.0, 1.0, 0.5, 0.5e-6),
+        (4.0, 1.0, 1e6, 4e-6),
+        (0.0, 0.0, 0.25, 0.25e-6),
+        (0.0, 0.0, np.inf, 1e-6),
+    ],
+)
+def test_a_derivative_s_step_is_a_small_share_of_the_parameter_s_size_or_of_its_prior_s_width(
+    point: float, start: float, prior_std: float, step: float
+) -> None:
+    seen: list[float] = []
+
+    def stacked(p: np.ndarray) -> np.ndarray:
+        seen.append(float(p[0]) - point)
+        return 2.0 * p
+
+    at = np.array((point,))
+    found = _jacobian(stacked, at, 2.0 * at, np.array((start,)), np.array((prior_std,)))
+    assert seen == [pytest.approx(step, rel=1e-8)]
+    np.testing.assert_allclose(found, [[2.0]], rtol=1e-8)
 
 
 def test_steps_are_limited_told_to_the_watchdog_and_not_called_converged() -> None:

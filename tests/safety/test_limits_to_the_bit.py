@@ -11,9 +11,10 @@ import pytest
 from monitor_cases import NOW, SETTINGS, healthy
 
 from flight import monitors
+from flight.quantities import QUANTITIES
 from flight.settings import FlightSettings
 from flight.states import SENSORS, Machine, Phase, Snapshot
-from flight.tensioning import energy_used_j
+from flight.tensioning import compression_for_energy_m, energy_used_j
 
 REST, SHARE, IDLE_A, STANDING = 8.0, 0.25, 0.5, 1.0
 """Numbers with few bits, so that sums and differences with them are exact."""
@@ -156,8 +157,26 @@ def test_the_limit_itself_allows_firing(name: str, settings: FlightSettings) -> 
 
 def test_without_a_target_no_energy_is_right(settings: FlightSettings) -> None:
     machine, snap = ready(settings)
-    found = monitors.firing_interlocks(machine._replace(target=None), snap, settings)
-    assert found == ("no_target", "energy_off_target")
+    for stored_j in (0.01, 1.0, 15.0):
+        held = machine._replace(target=None, compression_m=compression_for_energy_m(stored_j, settings.rig))
+        assert monitors.firing_interlocks(held, snap, settings) == ("no_target", "energy_off_target")
+
+
+def test_at_no_tolerance_the_wanted_energy_itself_may_be_fired(settings: FlightSettings) -> None:
+    exact = replace(settings, safety=replace(settings.safety, firing_energy_tolerance=0.0))
+    assert monitors.firing_interlocks(*ready(exact), exact) == ()
+
+
+def test_all_monitors_that_cannot_be_computed_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> float:
+        raise ZeroDivisionError
+
+    names = [rule[0] for rule in SETTINGS.measured_monitors]
+    dead = (names[0], names[-1])
+    for name in dead:
+        monkeypatch.setitem(QUANTITIES, name, broken)
+    machine, snap = healthy(Phase.HOLD)
+    assert monitors.watch(machine, snap, SETTINGS) == (machine, dead)
 
 
 def test_the_stored_energy_may_be_off_by_its_tolerance(settings: FlightSettings) -> None:
