@@ -40,6 +40,8 @@ FigureFolder = Annotated[
 out = Console()
 err = Console(stderr=True)
 
+SURE_SHARE = 0.02
+"""Of the work that must be done before anything is said about the rest."""
 LINES_EVERY_S = 20.0
 """How often long work says how far it is where no line can move."""
 
@@ -97,12 +99,12 @@ def time_left(task: Task) -> str:
 def _ends_s(task: Task) -> float:
     """When a task will be done, on its own clock [s]."""
     share = task.completed / (task.total or 1.0)
-    return task.get_time() + (task.elapsed or 0.0) * (1.0 - share) / share if share > 0.0 else inf
+    return task.get_time() + (task.elapsed or 0.0) * (1.0 - share) / share if share >= SURE_SHARE else inf
 
 
 @contextmanager
 def steps(total: float = 1.0) -> Iterator[Show]:
-    """A line that moves while long work goes on: call it with a text, and how much of `total` is done.
+    """A line that moves while long work goes on: call it with a text, and how much of `total` is done (never less).
 
     Where standard error is no terminal, a line is written there instead for each new step, and every `LINES_EVERY_S`.
     """
@@ -116,8 +118,9 @@ def steps(total: float = 1.0) -> Iterator[Show]:
         def show(text: str, done: float | None = None) -> None:
             nonlocal said_s
             new = text != task.description and done is None
-            progress.update(task.id, description=text, completed=done)
+            progress.update(task.id, description=text)
             if done is not None:
+                progress.update(task.id, completed=max(done, task.completed))
                 progress.update(task.id, ends_s=_ends_s(task))
             if not err.is_terminal and (new or task.get_time() - said_s >= LINES_EVERY_S):
                 said_s = task.get_time()

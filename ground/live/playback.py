@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bisect
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from flight.log import METADATA_NAME, FlightLog, parts_of
 from flight.mcap_stream import TIME_FIELD, decode_json, read_mcap
 from flight.settings import FlightSettings
 from ground.live.view import Told, View
+from ground.progress import Show, nobody, part_of
 from ground.recordings.log_channels import Series
 from ground.recordings.model import Floats
 from ground.report.compact import thin_indices
@@ -82,20 +83,21 @@ def thinned(times_s: Floats, values: Floats, points: int = POINTS) -> tuple[Floa
     return times_s[keep], values[keep]
 
 
-def read_recorded(path: Path, recover: bool = False, show: Callable[..., None] | None = None) -> Recorded:
+def read_recorded(path: Path, recover: bool = False, show: Show = nobody) -> Recorded:
     """Read a flight log for playback; `show` is told how far it is. Raises `LogError` when it holds no telemetry."""
     told: list[Told] = []
     series = {line: Series() for line, _, _ in READ.values()}
     metadata: Mapping[str, str] = {}
     damage = ""
-    for part in parts_of(path):
-        if show is not None:
-            show(f"reading {part}", 0.0)
+    parts = parts_of(path)
+    for number, part in enumerate(parts):
+        reading = part_of(show, number / len(parts), (number + 1) / len(parts))
+        reading(f"reading {part}", 0.0)
         content = read_mcap(part, recover)
         metadata, damage = metadata or content.metadata.get(METADATA_NAME, {}), content.damage
         for index, (topic, _, _, data) in enumerate(content.messages):
-            if show is not None and index % PROGRESS_EVERY == 0:
-                show(f"reading {part}", index / len(content.messages))
+            if index % PROGRESS_EVERY == 0:
+                reading(f"reading {part}", 0.3 + 0.7 * index / len(content.messages))
             if topic in ("state", "hop", "event") or (topic == "ground_link" and b'"channels"' in data):
                 told.append(_told(topic, decode_json(data)))
             elif topic in READ and b'"read"' in data:

@@ -70,6 +70,23 @@ def test_the_time_left_counts_down_between_reports_and_is_never_negative(
     ]
 
 
+def test_nothing_is_said_of_the_rest_too_early_and_what_is_done_stays_done(
+    wall: Wall, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with console.steps() as show:
+        wall.time_s += 10.0
+        show("begun", 1e-5)
+        wall.time_s += 30.0
+        show("half", 0.5)
+        wall.time_s += 40.0
+        show("back", 0.1)
+    assert capsys.readouterr().err.splitlines() == [
+        "begun",
+        "half (50 %, about 0:00:40 left)",
+        "back (50 %, about 0:01:20 left)",
+    ]
+
+
 def test_a_terminal_shows_the_time_left_in_its_moving_line(monkeypatch: pytest.MonkeyPatch) -> None:
     wall, screen = Wall(), io.StringIO()
     terminal = Console(file=screen, force_terminal=True, width=100, get_time=wall)
