@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 from flight.contact import Ground, _free_step, felt_by_body
 from flight.ringing import Ringing, TwoMass
@@ -90,6 +91,18 @@ def test_a_turn_counts_from_itself_on_to_the_bit() -> None:
     wave = np.cos(math.pi * times)
     expected = np.array((2.0, 0.0, 0.0, 0.0, -2.0, -2.0, -4.0)) * wave
     np.testing.assert_allclose(free.half_turns(times, 2.0), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("after_s", [0.0, 0.03, 0.06])
+def test_a_short_look_at_a_turn_sees_it(after_s: float) -> None:
+    """The turn is where the spring stands still, by the compression's own rate."""
+    free = Ringing(0.02, 120.0, 20.0, 80.0, 20.0)
+    turn_s = brentq(lambda t: free.compression(t, ROBOT)[1], after_s, after_s + math.pi / 120.0)
+    times = turn_s + np.array((-1e-4, 1e-4))
+    before, after = free.half_turns(times, turn_s - 1e-3)
+    assert before == 0.0
+    felt = free.acceleration_m_s2(times)[1]
+    assert after == pytest.approx(-math.copysign(2.0, felt), rel=0.05)
 
 
 @pytest.mark.parametrize(("stiffness_1_s2", "damping_1_s"), [(2e4, 12.0), (400.0, 30.0), (100.0, 19.96)])

@@ -50,6 +50,11 @@ def test_sigma_and_covariance_are_those_of_the_vectors(x: Uncertain, y: Uncertai
     assert x.sigma_of(["a", "nobody"]) == pytest.approx(abs(x.parts.get("a", 0.0)))
 
 
+def test_values_without_a_common_source_do_not_vary_together() -> None:
+    assert Uncertain.of(1.0, 2.0, "a").covariance(Uncertain.of(1.0, 3.0, "b")) == 0.0
+    assert Uncertain.of(1.0, 2.0, "a").covariance(Uncertain.of(1.0, 3.0, "a")) == 6.0
+
+
 def test_one_more_source_adds_in_quadrature_and_leaves_the_value() -> None:
     x = Uncertain.of(4.0, 3.0, "x")
     assert x.with_part("x", 4.0) == Uncertain(4.0, {"x": 5.0})

@@ -179,6 +179,16 @@ def test_all_monitors_that_cannot_be_computed_are_named(monkeypatch: pytest.Monk
     assert monitors.watch(machine, snap, SETTINGS) == (machine, dead)
 
 
+def test_where_nothing_new_is_known_a_count_stays_in_its_phases_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    name, _, _, phases = next(rule for rule in SETTINGS.measured_monitors if len(rule[3]) < len(Phase))
+    monkeypatch.setitem(QUANTITIES, name, lambda *_: None)
+    for phase in Phase:
+        machine, snap = healthy(Phase.HOLD)
+        counting = machine._replace(phase=phase, beyond_ticks={name: 2})
+        found = monitors.watch(counting, snap, SETTINGS)[0].beyond_ticks
+        assert found.get(name) == (2 if phase in phases else None)
+
+
 def test_the_stored_energy_may_be_off_by_its_tolerance(settings: FlightSettings) -> None:
     machine, snap = ready(settings)
     tolerance = settings.safety.firing_energy_tolerance
