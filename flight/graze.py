@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _STEP_S, _STEPS = 2e-4, 126  # of the foot's path after it left, over 25 ms
 _PATH_M = 1e-5  # what the path may be wrong by beside its speed
 _FAR_SIGMAS = 6.0  # from the ground: such a lowest point is clear of it
-_TEMPER = 3.0  # by which a kick counts less, as models are not all of the truth
+_FEW = 3.0  # samples between leaving and touching: with fewer, a kick rests on what the contact's model got right
 _SPEEDS = 2000  # of touching, over which the odds are summed
 
 
@@ -109,8 +109,9 @@ def _kick(edge: Edge, at_s: float) -> tuple[float, float, float]:
     covariance = np.linalg.inv(jacobian.T @ jacobian + np.diag(data.prior_std**-2.0))
     moved = covariance @ (jacobian.T @ column)
     information = float(column @ column - (jacobian.T @ column) @ moved)
-    growth = max(1.0, edge.misfits()[0])
-    sigma = growth * math.sqrt(_TEMPER / max(information, 1e-12))
+    between = int(np.sum((data.times_s > edge.time_s) & (data.times_s < at_s)))
+    temper = 1.0 + (_FEW / max(between, 1)) ** 2
+    sigma = max(1.0, edge.misfits()[0]) * math.sqrt(temper / max(information, 1e-12))
     return float(column @ left) / max(information, 1e-12), sigma, -float(moved[E.SPEED])
 
 
