@@ -116,7 +116,9 @@ def formula_candidate(plant: Plant, force: LocatedForce) -> EffectCandidate | No
     if law is None or any(use.physics_id == PHYSICS_ID for use in plant.effects):
         return None
     names = [f"a_{number}" for number in range(1, len(law.terms) + 1)]
-    text = " + ".join(f"{name} * {term}" for name, term in zip(names, law.terms, strict=True))
+    text = " + ".join(
+        name if term == "1" else f"{name} * {term}" for name, term in zip(names, law.terms, strict=True)
+    )
     raw = {
         name: Parameter(float(value), math.inf, LIBRARY[term][0])
         for name, value, term in zip(names, law.coefficients, law.terms, strict=True)
