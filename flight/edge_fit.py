@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,14 +71,14 @@ class Edge:
         """The foot's speed at the edge over what the fit leaves open of it."""
         return self.foot_speed_m_s / self._foot_speed_sigma_m_s
 
-    @property
+    @cached_property
     def _foot_speed_sigma_m_s(self) -> float:
         robot = self.data.robot
-        swing = float(self.ringing.acceleration_m_s2(np.array((self.time_s,)))[0])
+        swing = self.ringing.phasor(self.time_s).real
         rising = -robot.gravity_m_s2 - (1.0 - robot.leg_share) / robot.leg_share * swing
-        slope = np.array((-self.data.way * rising, 1.0))
-        part = self.covariance[np.ix_((E.TIME, E.SPEED), (E.TIME, E.SPEED))]
-        return max(math.sqrt(float(slope @ part @ slope)), _LEAST_M_S)
+        slope, of = -self.data.way * rising, self.covariance
+        square = slope**2 * of[E.TIME, E.TIME] + 2.0 * slope * of[E.TIME, E.SPEED] + of[E.SPEED, E.SPEED]
+        return max(math.sqrt(max(square, 0.0)), _LEAST_M_S)
 
     @property
     def foot_speed_m_s(self) -> float:
