@@ -186,7 +186,10 @@ def robust_covariance(jacobian: Float, residuals: Float, prior: Float, segments:
     sandwich = bread @ meat @ bread
     floor = np.diag(bread)
     grow = np.sqrt(np.maximum(1.0, floor / np.maximum(np.diag(sandwich), 1e-12 * floor)))
-    return np.asarray(sandwich * np.outer(grow, grow))
+    covariance = np.asarray(sandwich * np.outer(grow, grow))
+    # Rounding can leave a variance below zero where the information is all but singular.
+    np.fill_diagonal(covariance, np.maximum(np.diag(covariance), floor))
+    return covariance
 
 
 def inverse(information: Float) -> Float:

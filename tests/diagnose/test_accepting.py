@@ -13,7 +13,7 @@ from ground.diagnose.candidates import Candidate, EffectCandidate, effect_candid
 from ground.diagnose.chosen import Chosen, Named
 from ground.diagnose.confirm import confirmed, holds
 from ground.diagnose.findings import told_where
-from ground.diagnose.fit import Fit, fit_plant
+from ground.diagnose.fit import Fit, fit_plant, robust_covariance
 from ground.diagnose.name import Search
 from ground.diagnose.outlook import Outlook
 from ground.diagnose.pipeline import Data, diagnose, prepare
@@ -152,3 +152,18 @@ def test_an_open_name_is_a_mismatch_still_and_an_open_kind_is_not(
     weights = ((found["viscous_friction"], 0.45), (found[rival], 0.45))
     one = Chosen(found["viscous_friction"], 1.0, (), (), weights)
     assert told_where(one, refit) == pytest.approx(0.9 if sure else 0.45)
+
+
+@pytest.mark.filterwarnings("error")
+def test_no_sigma_is_lost_where_the_information_is_all_but_singular(tmp_path: Path) -> None:
+    """Columns that nearly repeat each other, and residuals that rounding lets cancel in the scores."""
+    given = plant(tmp_path)
+    data, _ = refitted(given, given, seed=9)
+    rows = sum(segment.observed.size for segment in data.windows)
+    generator = np.random.default_rng(9)
+    one = generator.standard_normal(rows)
+    for closeness in (1e-6, 1e-9, 1e-12, 0.0):
+        jacobian = 1e6 * np.column_stack([one, one + closeness * generator.standard_normal(rows), one])
+        for residuals in (generator.standard_normal(rows), np.zeros(rows), 1e8 * one):
+            covariance = robust_covariance(jacobian, residuals, np.zeros(3), data.windows)
+            assert np.isfinite(np.sqrt(np.diag(covariance))).all()
