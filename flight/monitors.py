@@ -63,18 +63,18 @@ def find_fault(machine: Machine, dead: tuple[str, ...], settings: FlightSettings
 
 
 def self_test_failures(snap: Snapshot, settings: FlightSettings) -> tuple[str, ...]:
-    """What a robot at rest with everything off should show, and does not."""
+    """What a robot at rest with everything off should show, and does not; what is no number shows nothing."""
     safety, rest_m_s2 = settings.safety, settings.rig.static_reading_m_s2
     most_m = settings.max_compression_m
     missing = tuple(f"{name}_silent" for name in SENSORS if snap.age_s(name) > safety.sensor_age_s)
     if missing:
         return missing
     checks = {
-        "accelerometer_not_at_rest": abs(snap.specific_force_m_s2 - rest_m_s2)
-        > safety.static_tolerance_share * rest_m_s2,
+        "accelerometer_not_at_rest": not abs(snap.specific_force_m_s2 - rest_m_s2)
+        <= safety.static_tolerance_share * rest_m_s2,
         "spring_out_of_range": not -most_m < snap.compression_m < most_m,
-        "motor_current_not_idle": abs(snap.motor_current_a) > safety.idle_current_a,
-        "magnet_current_not_idle": abs(snap.magnet_current_a) > safety.idle_current_a,
+        "motor_current_not_idle": not abs(snap.motor_current_a) <= safety.idle_current_a,
+        "magnet_current_not_idle": not abs(snap.magnet_current_a) <= safety.idle_current_a,
     }
     return tuple(name for name, failed in checks.items() if failed)
 
@@ -84,15 +84,14 @@ def firing_interlocks(machine: Machine, snap: Snapshot, settings: FlightSettings
     safety, rest_m_s2 = settings.safety, settings.rig.static_reading_m_s2
     wanted_j = machine.target.energy_used_j if machine.target else 0.0
     stored_j = energy_used_j(machine.compression_m, settings.rig)
-    unrest_m_s2 = max(
-        abs(snap.specific_force_high_m_s2 - rest_m_s2), abs(snap.specific_force_low_m_s2 - rest_m_s2)
-    )
+    extremes_m_s2 = (snap.specific_force_high_m_s2, snap.specific_force_low_m_s2)
+    still = all(abs(force - rest_m_s2) <= safety.standing_tolerance_m_s2 for force in extremes_m_s2)
     checks = {
         "no_target": machine.target is None,
         "latch_open": not snap.latch_closed,
-        "energy_off_target": abs(stored_j - wanted_j) > safety.firing_energy_tolerance * wanted_j,
+        "energy_off_target": not abs(stored_j - wanted_j) <= safety.firing_energy_tolerance * wanted_j,
         "not_stable": machine.stable_ticks < safety.stable_ticks,
-        "not_standing_still": unrest_m_s2 > safety.standing_tolerance_m_s2,
+        "not_standing_still": not still,
         "fault_pending": bool(machine.reason) or not machine.drive_trusted,
         "monitor_beyond_limit": bool(machine.beyond_ticks),
     }
@@ -108,7 +107,7 @@ def reset_interlocks(
     checks = {
         "drive_not_trusted": not machine.drive_trusted,  # the watchdog has cut the power, or will
         "magnet_disobeys": snap.magnet_failed,
-        "magnet_current_flows": abs(snap.magnet_current_a) > settings.safety.idle_current_a,
+        "magnet_current_flows": not abs(snap.magnet_current_a) <= settings.safety.idle_current_a,
         "not_stable": machine.stable_ticks < settings.safety.stable_ticks,
         **{f"{name}_beyond_limit": True for name in machine.beyond_ticks},
         **{f"{name}_dead": True for name in dead},

@@ -74,6 +74,27 @@ def test_the_self_test_fails_beyond_each_limit_alone(
     assert monitors.self_test_failures(at_rest()._replace(**{field: outside}), settings) == (name,)
 
 
+@pytest.mark.parametrize(
+    ("name", "field"),
+    [
+        ("accelerometer_not_at_rest", "specific_force_m_s2"),
+        ("motor_current_not_idle", "motor_current_a"),
+        ("magnet_current_not_idle", "magnet_current_a"),
+        ("spring_out_of_range", "compression_m"),
+    ],
+)
+def test_what_is_no_number_passes_no_self_test(name: str, field: str, settings: FlightSettings) -> None:
+    assert monitors.self_test_failures(at_rest()._replace(**{field: math.nan}), settings) == (name,)
+
+
+@pytest.mark.parametrize("field", ["specific_force_high_m_s2", "specific_force_low_m_s2"])
+def test_what_is_no_number_stands_not_still(field: str, settings: FlightSettings) -> None:
+    machine, snap = ready(settings)
+    assert monitors.firing_interlocks(machine, snap, settings) == ()
+    lost = snap._replace(**{field: math.nan})
+    assert monitors.firing_interlocks(machine, lost, settings) == ("not_standing_still",)
+
+
 def test_silent_sensors_are_named_and_nothing_that_they_would_have_said(settings: FlightSettings) -> None:
     snap = at_rest()._replace(specific_force_m_s2=0.0)
     for name in SENSORS:
