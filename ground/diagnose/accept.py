@@ -15,7 +15,7 @@ from sim_hal.plant.simulate import Plant
 
 STRENGTH_SIGMAS = 3.0
 """An effect whose strength is not this many of its own sigmas from zero is not identified."""
-OBVIOUS = 0.5
+OBVIOUS = 0.1
 """An effect that leaves less than this share of chi-square is there, though its size may not be told: a delay of less
 than a sample, of a reading that only moves at samples."""
 LOST_SIGMAS = 2.0
