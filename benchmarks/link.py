@@ -28,7 +28,7 @@ UNENDED_EVERY = 3  # of the frames that lack their end, how many stay so: the ne
 
 
 class Clock:
-    """Time goes on by itself, so that the limit of the rate refuses no good command."""
+    """Time goes on by itself, so that the limit of the rate refuses no command."""
 
     def __init__(self) -> None:
         self.time_s = 0.0

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.link import Clock
 from flight import settings as flight_settings
 from flight.log import read_log
 from flight.mission import load_mission
@@ -65,20 +66,6 @@ class Target:
     refuses: tuple[type[Exception], ...] = ()
     longest_bytes: int = 2048
     shipped: tuple[Path, ...] = ()
-
-
-class Clock:
-    """Time goes on by itself, so that the limit of the rate refuses no command."""
-
-    def __init__(self) -> None:
-        self._time_s = 0.0
-
-    def now_s(self) -> float:
-        self._time_s += 1.0
-        return self._time_s
-
-    def sleep_until_s(self, time_s: float) -> None:
-        self._time_s = time_s
 
 
 class Replies:

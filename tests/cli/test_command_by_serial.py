@@ -5,46 +5,18 @@ from __future__ import annotations
 import json
 import os
 import threading
-import tty
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hopper_command import done, hopper, refused
+from pseudo_terminal import StillClock, open_line
 
 from hal.config import config_path, load_settings
 from hal.link.keys import load_key
 from hal.link.robot import LinkSettings, RobotLink
 
 BOUNDS = load_settings(config_path("link.yaml"), LinkSettings)
-
-
-class Clock:
-    def now_s(self) -> float:
-        return 1.0
-
-    def sleep_until_s(self, time_s: float) -> None:
-        raise AssertionError("the link never waits")
-
-
-class Far:
-    """The robot's end of the line."""
-
-    def __init__(self, handle: int) -> None:
-        self._handle = handle
-        os.set_blocking(handle, False)
-
-    def read(self, most: int) -> bytes:
-        try:
-            return os.read(self._handle, most)
-        except BlockingIOError:
-            return b""
-
-    def write(self, data: bytes) -> int:
-        return os.write(self._handle, data)
-
-    def close(self) -> None:
-        os.close(self._handle)
 
 
 class Robot(threading.Thread):
@@ -71,10 +43,9 @@ class Robot(threading.Thread):
 def line(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Robot, tuple[str, ...]]]:
     """A robot that answers with the test's parameter, and the options that find it."""
     done("key", tmp_path / "link.key")
-    far, near = os.openpty()
-    tty.setraw(near)
+    far, near = open_line()
     key = load_key(tmp_path / "link.key")
-    robot = Robot(RobotLink(Far(far), key, b"session1", Clock(), BOUNDS), request.param)
+    robot = Robot(RobotLink(far, key, b"session1", StillClock(), BOUNDS), request.param)
     robot.start()
     yield robot, ("--port", os.ttyname(near), "--key", str(tmp_path / "link.key"))
     robot.over.set()

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnose_rig import friction, plant, recordings
+from pushed_mass import pushed_mass
 
 from ground.diagnose.accept import degenerate
 from ground.diagnose.candidates import Candidate, EffectCandidate, effect_candidates, ranges_of
@@ -23,7 +24,7 @@ from ground.diagnose.scales import find_scales
 from ground.diagnose.segments import sensor_sigma
 from ground.diagnose.workers import Workers
 from ground.recordings.model import Recording, SensorSpec
-from sim_hal.plant.simulate import EffectUse, Parameter, Plant, Run, compile_plant, load_plant
+from sim_hal.plant.simulate import EffectUse, Parameter, Plant, Run, compile_plant
 
 
 def refitted(given: Plant, truth: Plant, seed: int) -> tuple[Data, Fit]:
@@ -88,7 +89,7 @@ def test_the_sensors_noise_is_read_from_the_readings(tmp_path: Path, noise_m: fl
 
 def test_a_delay_that_is_told_only_to_a_sample_is_found_all_the_same(tmp_path: Path) -> None:
     """A reading that moves at samples only looks the same for any delay below one: its size has no sigma."""
-    given = pushed_block(tmp_path)
+    given = pushed_mass(tmp_path)
     truth = given.with_effect(
         EffectUse("sensor_delay", "sensor", "acceleration_m_s2", {"delay": Parameter(4e-3, 0.0, "s")})
     )
@@ -96,42 +97,20 @@ def test_a_delay_that_is_told_only_to_a_sample_is_found_all_the_same(tmp_path: P
     assert answer(given, given).verdict == "consistent"
 
 
-def pushed_block(folder: Path) -> Plant:
-    """A block whose acceleration is read, pushed by a force that is held between samples."""
-    path = folder / "block.yaml"
-    text = """
-format: 1
-name: block
-kind: equations
-inputs: {push_n: {unit: N, interpolation: hold}}
-states:
-  q: {unit: m, initial: 0.0}
-  v: {unit: m/s, initial: 0.0}
-parameters:
-  mass: {value: 2.0, std: 0.1, unit: kg}
-equations:
-  kinematics: {state: q, rate: "v"}
-  force_balance: {state: v, rate: "push_n / mass", balance: true, per_force: "1 / mass", velocity: v, position: q}
-outputs:
-  acceleration_m_s2: {value: "rate(v)"}
-"""
-    path.write_text(text, encoding="utf-8")
-    return load_plant(path)
-
-
 def answer(given: Plant, truth: Plant) -> Diagnosis:
     generator = np.random.default_rng(8)
     compiled = compile_plant(truth)
+    column = compiled.output_names.index("acceleration_m_s2")
     times = 5e-3 * np.arange(300)
     runs = []
     for number in range(4):
         push = np.repeat(generator.uniform(-6.0, 6.0, 30), 10)
-        clean = compiled.run(compiled.values, Run(times, {"push_n": push}))[:, 0]
+        clean = compiled.run(compiled.values, Run(times, {"push_n": push}))[:, column]
         noisy = clean + 0.05 * generator.standard_normal(times.size)
         channels = {"push_n": push, "acceleration_m_s2": noisy}
         sensors = {"acceleration_m_s2": SensorSpec(noise_std=0.05)}
         runs.append(
-            Recording(times, channels, run=f"run_{number}", rig="block", kind="bench", sensors=sensors)
+            Recording(times, channels, run=f"run_{number}", rig="pushed_mass", kind="bench", sensors=sensors)
         )
     return diagnose(runs, given, lambda *_: None).diagnosis
 

@@ -6,38 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pushed_mass import pushed_mass
 
 from ground.diagnose.pipeline import diagnose
 from ground.recordings.model import Recording, SensorSpec
-from sim_hal.plant.simulate import Plant, load_plant
 
 RATE_HZ, NOISE_M_S2, NOISE_M = 200.0, 0.02, 2e-5
-TEXT = """
-format: 1
-name: pushed_mass
-kind: equations
-inputs: {push_n: {unit: N, interpolation: hold}}
-states:
-  q: {unit: m, initial: 0}
-  v: {unit: m/s, initial: 0}
-parameters:
-  mass: {value: 2.0, std: 0.1, unit: kg}
-equations:
-  kinematics: {state: q, rate: "v"}
-  force_balance: {state: v, rate: "push_n / mass", balance: true, per_force: "1 / mass", velocity: v, position: q}
-outputs:
-  position_m: {value: "q"}
-  acceleration_m_s2: {value: "rate(v)"}
-sensors:
-  position_m: {noise_std: 2.0e-5}
-  acceleration_m_s2: {noise_std: 2.0e-2}
-"""
-
-
-def pushed_mass(folder: Path) -> Plant:
-    path = folder / "pushed_mass.yaml"
-    path.write_text(TEXT, encoding="utf-8")
-    return load_plant(path)
 
 
 def recordings(delay_samples: int, mass_kg: float = 2.06) -> list[Recording]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-import tty
 from collections.abc import Iterator
 
 import pytest
+from pseudo_terminal import StillClock, open_line
 
 from flight import settings as flight_settings
 from flight.states import Machine, Outputs, Phase, Snapshot
@@ -23,39 +23,10 @@ BOUNDS = load_settings(config_path("link.yaml"), LinkSettings)
 KEY, OTHER = Key(bytes(range(32))), Key(bytes(32))
 
 
-class Clock:
-    def now_s(self) -> float:
-        return 7.0
-
-    def sleep_until_s(self, time_s: float) -> None:
-        raise AssertionError("nobody waits here")
-
-
-class RobotEnd:
-    """The robot's end of a pseudo-terminal, as its link sees a stream."""
-
-    def __init__(self, handle: int) -> None:
-        self._handle = handle
-        os.set_blocking(handle, False)
-
-    def read(self, most: int) -> bytes:
-        try:
-            return os.read(self._handle, most)
-        except BlockingIOError:
-            return b""
-
-    def write(self, data: bytes) -> int:
-        return os.write(self._handle, data)
-
-    def close(self) -> None:
-        os.close(self._handle)
-
-
 @pytest.fixture
 def line() -> Iterator[tuple[RobotLink, str]]:
-    far, near = os.openpty()
-    tty.setraw(near)
-    robot = RobotLink(RobotEnd(far), KEY, b"session1", Clock(), BOUNDS)
+    far, near = open_line()
+    robot = RobotLink(far, KEY, b"session1", StillClock(7.0), BOUNDS)
     yield robot, os.ttyname(near)
     robot.close()
     os.close(near)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
-import tty
 from collections.abc import Iterator
 from types import FrameType
 
 import pytest
+from pseudo_terminal import FarEnd, StillClock, open_line
 
 from ground.station import GroundStation, acknowledgements
 from hal.config import config_path, load_settings
@@ -21,53 +21,24 @@ SETTINGS = load_settings(config_path("link.yaml"), LinkSettings)
 KEY = Key(bytes(range(32)))
 
 
-class Clock:
-    def now_s(self) -> float:
-        return 1.0
-
-    def sleep_until_s(self, time_s: float) -> None:
-        raise AssertionError("the link never waits")
-
-
-class Far:
-    """The other end of the line."""
-
-    def __init__(self, handle: int) -> None:
-        self.handle = handle
-        os.set_blocking(handle, False)
-
-    def read(self, most: int) -> bytes:
-        try:
-            return os.read(self.handle, most)
-        except BlockingIOError:
-            return b""
-
-    def write(self, data: bytes) -> int:
-        return os.write(self.handle, data)
-
-    def close(self) -> None:
-        os.close(self.handle)
-
-
 @pytest.fixture
-def ends() -> Iterator[tuple[SerialLine, Far]]:
+def ends() -> Iterator[tuple[SerialLine, FarEnd]]:
     def hangs(number: int, frame: FrameType | None) -> None:
         raise AssertionError("the line makes the tick wait")
 
-    far, near = os.openpty()
-    tty.setraw(near)
+    far, near = open_line()
     signal.signal(signal.SIGALRM, hangs)
     signal.alarm(20)
     line = SerialLine(os.ttyname(near), SETTINGS.baud)
     os.close(near)
-    yield line, Far(far)
+    yield line, far
     signal.alarm(0)
     line.close()
 
 
-def test_commands_and_acknowledgements_cross_a_serial_line(ends: tuple[SerialLine, Far]) -> None:
+def test_commands_and_acknowledgements_cross_a_serial_line(ends: tuple[SerialLine, FarEnd]) -> None:
     line, far = ends
-    robot = RobotLink(line, KEY, b"session1", Clock(), SETTINGS)
+    robot = RobotLink(line, KEY, b"session1", StillClock(), SETTINGS)
     ground = GroundStation(far, KEY, SETTINGS.longest_packet_bytes)
     robot.send("state", "{}")
     ground.poll()
@@ -78,9 +49,9 @@ def test_commands_and_acknowledgements_cross_a_serial_line(ends: tuple[SerialLin
     far.close()
 
 
-def test_a_line_that_nobody_reads_neither_waits_nor_grows(ends: tuple[SerialLine, Far]) -> None:
+def test_a_line_that_nobody_reads_neither_waits_nor_grows(ends: tuple[SerialLine, FarEnd]) -> None:
     line, far = ends
-    robot = RobotLink(line, KEY, b"session1", Clock(), SETTINGS)
+    robot = RobotLink(line, KEY, b"session1", StillClock(), SETTINGS)
     for _ in range(200):
         robot.send("hop", "x" * 1000)
     assert robot.dropped > 0
@@ -89,9 +60,9 @@ def test_a_line_that_nobody_reads_neither_waits_nor_grows(ends: tuple[SerialLine
     far.close()
 
 
-def test_a_line_that_is_gone_is_a_ground_that_is_silent(ends: tuple[SerialLine, Far]) -> None:
+def test_a_line_that_is_gone_is_a_ground_that_is_silent(ends: tuple[SerialLine, FarEnd]) -> None:
     line, far = ends
-    robot = RobotLink(line, KEY, b"session1", Clock(), SETTINGS)
+    robot = RobotLink(line, KEY, b"session1", StillClock(), SETTINGS)
     far.close()
     with pytest.raises(DeviceError):
         line.read(10)
