@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ground.diagnose.evidence import LocatedForce
 from ground.diagnose.fit import Fit
 from ground.diagnose.knots import knot_force
-from ground.diagnose.segments import Segment
+from ground.diagnose.segments import Segment, spans
 from ground.diagnose.smoothing import Smoothed, StateSpace, smooth
 from ground.diagnose.workers import Context, Workers
 from sim_hal.plant.run import smoothed_start
@@ -163,8 +163,7 @@ def state_space(
     start = compiled.initial_values(compiled.values, segment.run)
     size = state_sizes(compiled, segment)[order]
     size[-1] = typical
-    spread = np.nanmax(segment.observed, axis=0) - np.nanmin(segment.observed, axis=0)
-    floor = FINEST * np.where(np.isfinite(spread), spread, 0.0)
+    spread = spans(segment.observed)
 
     def transition(k: int, states: Float) -> Float:
         part = cut_run(segment, int(at[k]), int(at[k + 1]) + 1)
@@ -179,7 +178,7 @@ def state_space(
         measurement=measurement,
         times_s=segment.run.times_s[at],
         observed=segment.observed[at],
-        noise_std=np.maximum(floor, np.minimum(sigmas, 0.1 * spread)),
+        noise_std=np.maximum(FINEST * spread, np.minimum(sigmas, 0.1 * spread)),
         start=np.array([start[names[i]] for i in order]),
         start_std=np.append(0.1 * size[:-1], typical),
         perturbation=1e-4 * size,

@@ -109,8 +109,7 @@ def open_scales(compiled: CompiledPlant, run: Run, observed: Float) -> dict[str,
     head = head_of_run(run)
     start = compiled.initial_values(compiled.values, head)
     count = head.times_s.size
-    with np.errstate(invalid="ignore"):
-        spread = np.array([np.ptp(c[np.isfinite(c)]) if np.isfinite(c).any() else 0.0 for c in observed.T])
+    spread = spans(observed)
     scales = {}
     for name, state in compiled.plant.structure.states.items():
         if not is_open(state):
@@ -119,6 +118,11 @@ def open_scales(compiled: CompiledPlant, run: Run, observed: Float) -> dict[str,
         strength = float(np.sqrt(np.mean(moved**2)))
         scales[name] = 1e-2 / strength if strength > 0.0 else 1.0
     return scales
+
+
+def spans(observed: Float) -> Float:
+    """Largest less smallest reading of each output, (outputs,), of (samples, outputs); 0 where nothing was read."""
+    return np.array([np.ptp(c[np.isfinite(c)]) if np.isfinite(c).any() else 0.0 for c in observed.T])
 
 
 def response_to(compiled: CompiledPlant, run: Run, start: Mapping[str, float], state: str) -> Float:
