@@ -124,6 +124,10 @@ class Tap:
         truth = Truth.read(self._page)
         replace(truth, logged_s=time_s, fires=truth.fires + fire).write(self._page)
 
+    def tick_done(self) -> None:
+        """Hand that on, too."""
+        self._log.tick_done()
+
 
 def live(folder: Path, number: int, page: mmap.mmap, energy_j: float, seed: int) -> None:
     """One life: fly a mission from what the page says of the robot."""

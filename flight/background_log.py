@@ -1,5 +1,8 @@
 """A log that never makes the tick wait: messages queue up for a thread of their own, which writes them.
 
+They are handed over in batches, at the end of a tick: the thread writes while the flight software waits for the next
+one, and waking it costs once a tick.
+
 When the disc is full, or so slow that too many messages wait, the log gives up: `problem` says why, nothing more is
 recorded (a log with a hole could not be replayed), and the fault table has the robot relax its spring and stop.
 Where time is simulated a slow disc holds the flight up instead: how fast this machine is must not change a mission.
@@ -18,6 +21,11 @@ _END = None
 LOOK_AGAIN_S = 0.01
 """How long a simulated flight waits for the log's thread before it looks whether there is one still."""
 
+BATCH = 64
+"""Messages that are handed over at the latest, should no tick end: several ticks' worth."""
+
+Message = tuple[str, float, Mapping[str, Any]]
+
 
 class BackgroundLog:
     """Hands messages to a `McapLog` in the order in which they came. Use as a context manager, or call `close`.
@@ -27,7 +35,9 @@ class BackgroundLog:
 
     def __init__(self, log: McapLog, waiting_messages: int, *, simulated_time: bool = False) -> None:
         self._log = log
-        self._queue: queue.SimpleQueue[tuple[str, float, Mapping[str, Any]] | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[list[Message] | None] = queue.SimpleQueue()
+        self._batch: list[Message] = []
+        self._taken = self._done = 0  # messages: the first is the flight's to count, the other the thread's
         self._most, self._may_hold_up = waiting_messages, simulated_time
         self._room = threading.Event()
         self.problem = ""
@@ -39,34 +49,49 @@ class BackgroundLog:
         """Queue one message; once there is a `problem`, it is dropped."""
         if self.problem:
             return
-        if self._queue.qsize() >= self._most and not self._waited_for_room():
+        if self._taken - self._done >= self._most and not self._waited_for_room():
             self.problem = f"{self._most} messages wait for a disc that is too slow"
             return
-        self._queue.put((topic, time_s, payload))
+        self._taken += 1
+        self._batch.append((topic, time_s, payload))
+        if len(self._batch) >= BATCH:
+            self.tick_done()
+
+    def tick_done(self) -> None:
+        """Let the thread write what has come since this was called last."""
+        if self._batch:
+            self._queue.put(self._batch)
+            self._batch = []
 
     @property
     def waiting(self) -> int:
         """Messages that wait to be written."""
-        return self._queue.qsize()
+        return self._taken - self._done
 
     def close(self) -> None:
         """Write what waits and complete the file. May be called again."""
         if self._thread.is_alive():
+            self.tick_done()
             self._queue.put(_END)
             self._thread.join()
 
     def _waited_for_room(self) -> bool:
-        while self._may_hold_up and self._thread.is_alive() and self._queue.qsize() >= self._most:
+        self.tick_done()
+        while self._may_hold_up and self._thread.is_alive() and self.waiting >= self._most:
             self._room.clear()
             self._room.wait(LOOK_AGAIN_S)
         return self._may_hold_up
 
     def _work(self) -> None:
-        while (message := self._queue.get()) is not _END:
-            if not self._broken:  # what waited for a slow disc is still written: there is no hole before it
-                self._try(self._log.write, *message)
-            if self._queue.qsize() < self._most and not self._room.is_set():
-                self._room.set()
+        while (batch := self._queue.get()) is not _END:
+            for message in batch:
+                if (
+                    not self._broken
+                ):  # what waited for a slow disc is still written: there is no hole before it
+                    self._try(self._log.write, *message)
+                self._done += 1
+                if not self._room.is_set():
+                    self._room.set()
         self._try(self._log.close)
 
     def _try(self, act: Callable[..., None], *arguments: Any) -> None:

@@ -25,7 +25,7 @@ from flight.telemetry import Telemetry
 from flight.tensioning import energy_used_j
 from hal.board import Board
 from hal.errors import DeviceError
-from hal.log import LogSink, log_problem
+from hal.log import LogSink, log_problem, tick_end_of
 from hal.readings import GroundCommand
 
 
@@ -103,8 +103,11 @@ class _Executive:
     _magnet_on: bool | None = False  # None: it did not take its newest command
     _now_s: float = 0.0
     _telemetry: Telemetry = field(default_factory=Telemetry)
+    _tell_log: Callable[[], None] = field(init=False)
 
     def __post_init__(self) -> None:
+        self._tell_log = tick_end_of(self.log)
+        self.recorder.rest()
         self._senses = Senses(self.board, self.recorder)
         self._spring = SpringKeeper(self.board.memory)
         self._ground = GroundKeeper(self.board.ground_memory, self.pilot.surfaces, self.settings.surface)
@@ -247,6 +250,7 @@ class _Executive:
         fire_s = self.machine.fire_s
         assert fire_s is not None
         report = self.pilot.evaluate(self.recorder.record(fire_s), Heartbeat(self._stroke))
+        self.recorder.rest()
         self.log.write("hop", self._now_s, report.as_payload())
         self._send("hop", report.as_payload())
         unkept = self._ground.keep(self.pilot.ground.record())
@@ -265,6 +269,7 @@ class _Executive:
         self._due_s += period_s * max(1, 1 + int((now_s - self._due_s) / period_s))
         if self._due_s > now_s + 2.0 * period_s:  # the clock has gone back
             self._due_s = now_s + period_s
+        self._tell_log()
         self.board.clock.sleep_until_s(self._due_s)
 
     def _tell(self, before: Machine, snap: Snapshot, events: tuple[Event, ...], outputs: Outputs) -> None:

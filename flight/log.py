@@ -26,6 +26,7 @@ from typing import IO, TYPE_CHECKING, Annotated, Any, TypeVar
 import yaml
 
 from flight.mcap_stream import TIME_FIELD, McapWriter, decode_json, read_mcap
+from hal.calls import to_plain
 from hal.config import Limits, StrictLoader, build_settings
 from hal.log import LogError, LogMessage
 
@@ -80,8 +81,8 @@ class McapLog:
         if TIME_FIELD in payload:
             raise LogError(f"message {self._sequence} ({topic}): {TIME_FIELD} is the log's own field")
         try:
-            data = _encode({TIME_FIELD: time_s, **payload})
-            self._writer.write(topic, time_s, payload, data, self._sequence)
+            plain = {TIME_FIELD: time_s} | {name: to_plain(value) for name, value in payload.items()}
+            self._writer.write(topic, time_s, plain, _encode(plain), self._sequence)
         except (TypeError, ValueError, OSError) as error:
             raise LogError(f"{self._path}: message {self._sequence} ({topic}): {error}") from error
         self._sequence += 1

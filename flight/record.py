@@ -47,7 +47,7 @@ class HopRecorder:
     """Collects the batches of one hop as they come from the FIFOs, and each sensor's clock against the board's.
 
     Memory is bounded: of a long wait before the hop the newest seconds are kept, and of a hop, once `hold` was
-    called, the first: a spring may ring on for long after the foot is down.
+    called, the first: a spring may ring on for long after the foot is down. After `rest` only the clocks go on.
     """
 
     _accelerometer: deque[SpecificForce] = field(default_factory=deque)
@@ -55,14 +55,20 @@ class HopRecorder:
     _magnet: deque[MagnetCurrent] = field(default_factory=deque)
     _clocks: dict[str, SensorClock] = field(default_factory=dict)
     _holding: bool = False
+    _resting: bool = False
+
+    def rest(self) -> None:
+        """The hop is over: forget the samples, and keep none until `clear`."""
+        self.clear()
+        self._resting = True
 
     def hold(self) -> None:
         """The hop begins: what was kept stays until `clear`."""
         self._holding = True
 
     def clear(self) -> None:
-        """Forget the samples; what is known of the clocks stays."""
-        self._holding = False
+        """Forget the samples, and keep those to come; what is known of the clocks stays."""
+        self._holding = self._resting = False
         self._accelerometer.clear()
         self._spring.clear()
         self._magnet.clear()
@@ -88,7 +94,7 @@ class HopRecorder:
     def _keep(self, name: str, batches: deque[Batch], batch: Batch, now_s: float | None) -> None:
         times_s = batch.times_s
         if not times_s:
-            if batch.overrun:  # it tells of a loss
+            if batch.overrun and not self._resting:  # it tells of a loss
                 batches.append(batch)
             return
         newest = times_s[-1]
@@ -97,7 +103,7 @@ class HopRecorder:
             if clock is None:
                 clock = self._clocks[name] = SensorClock()
             clock.add(newest, now_s)
-        if self._holding and newest - _oldest(batches, newest) > _KEPT_S:
+        if self._resting or (self._holding and newest - _oldest(batches, newest) > _KEPT_S):
             return
         batches.append(batch)
         while not (oldest := batches[0].times_s) or newest - oldest[-1] > _KEPT_S:

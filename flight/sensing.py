@@ -3,26 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from flight.record import HopRecorder
-from flight.states import Event, Snapshot, changed
+from flight.states import Event, Snapshot
 from hal.board import Board
 from hal.errors import ReadFailed
+from hal.readings import (
+    MagnetCurrent,
+    MotorCurrent,
+    NutPosition,
+    SpecificForce,
+    SpringCompression,
+    Switches,
+)
 
 T = TypeVar("T")
 
 
-@dataclass
+_NEVER = float("-inf")
+
+
 class Senses:
     """The newest readings. A sensor whose read fails keeps its old value *and its old time*: it ages."""
 
-    board: Board
-    recorder: HopRecorder
-    latest: Snapshot = field(default_factory=lambda: Snapshot(0.0))
-    _failing: set[str] = field(default_factory=set)
-    _failed: int = 0
+    def __init__(self, board: Board, recorder: HopRecorder) -> None:
+        self._board, self._recorder = board, recorder
+        self._motor, self._nut = MotorCurrent(_NEVER, 0.0), NutPosition(_NEVER, 0.0)
+        self._switches = Switches(_NEVER, False, False)
+        self._spring = SpringCompression(
+            (_NEVER,), (0.0,)
+        )  # of the streamed sensors the last batch with samples
+        self._magnet = MagnetCurrent((_NEVER,), (0.0,))
+        self._force = SpecificForce((_NEVER,), (0.0,))
+        self._failing: set[str] = set()
+        self._failed = 0
 
     def snapshot(self, now_s: float, late_s: float, **known: Any) -> tuple[Snapshot, list[Event]]:
         """Read all sensors; returns what is known, and an event for each that fails or recovers.
@@ -30,34 +45,42 @@ class Senses:
         `known` are the fields of `Snapshot` that no sensor tells.
         """
         events: list[Event] = []
-        board, sampled = self.board, dict(self.latest.sampled_s)
-        self._failed = 0
-        motor = self._try("motor_current", board.motor_current.read, events)
-        if motor is not None:
-            known["motor_current_a"], sampled["motor_current"] = motor.current_a, motor.time_s
-            known["supply_v"] = motor.supply_v
-        nut = self._try("nut_encoder", board.nut_encoder.read, events)
-        if nut is not None:
-            known["nut_position_m"], sampled["nut_encoder"] = nut.position_m, nut.time_s
-        switches = self._try("switches", board.switches.read, events)
-        if switches is not None:
-            known["at_home"], known["latch_closed"] = switches.at_home, switches.latch_closed
-            sampled["switches"] = switches.time_s
-        spring = self._try("spring", board.spring.read, events)
-        if spring is not None and spring.times_s:
-            known["compression_m"], sampled["spring"] = spring.compression_m[-1], spring.times_s[-1]
-        magnet = self._try("magnet_current", board.magnet_current.read, events)
-        if magnet is not None and magnet.times_s:
-            known["magnet_current_a"], sampled["magnet_current"] = magnet.current_a[-1], magnet.times_s[-1]
-        force = self._try("accelerometer", board.accelerometer.read, events)
-        if force is not None and force.times_s:
-            newest = force.specific_force_m_s2
-            known["specific_force_m_s2"], sampled["accelerometer"] = newest[-1], force.times_s[-1]
-            known["specific_force_low_m_s2"], known["specific_force_high_m_s2"] = min(newest), max(newest)
-        self.recorder.add(force, spring, magnet, now_s)
-        known |= {"sampled_s": sampled, "failed_reads": self._failed}
-        self.latest = changed(self.latest, time_s=now_s, tick_late_s=late_s, **known)
-        return self.latest, events
+        board, self._failed = self._board, 0
+        self._motor = motor = self._try("motor_current", board.motor_current.read, events) or self._motor
+        self._nut = nut = self._try("nut_encoder", board.nut_encoder.read, events) or self._nut
+        self._switches = switches = self._try("switches", board.switches.read, events) or self._switches
+        new_spring = self._try("spring", board.spring.read, events)
+        new_magnet = self._try("magnet_current", board.magnet_current.read, events)
+        new_force = self._try("accelerometer", board.accelerometer.read, events)
+        self._recorder.add(new_force, new_spring, new_magnet, now_s)
+        self._spring = spring = new_spring if new_spring and new_spring.times_s else self._spring
+        self._magnet = magnet = new_magnet if new_magnet and new_magnet.times_s else self._magnet
+        self._force = force = new_force if new_force and new_force.times_s else self._force
+        snap = Snapshot(
+            time_s=now_s,
+            motor_current_a=motor.current_a,
+            nut_position_m=nut.position_m,
+            at_home=switches.at_home,
+            latch_closed=switches.latch_closed,
+            compression_m=spring.compression_m[-1],
+            magnet_current_a=magnet.current_a[-1],
+            specific_force_m_s2=force.specific_force_m_s2[-1],
+            specific_force_low_m_s2=min(force.specific_force_m_s2),
+            specific_force_high_m_s2=max(force.specific_force_m_s2),
+            sampled_s={
+                "motor_current": motor.time_s,
+                "nut_encoder": nut.time_s,
+                "switches": switches.time_s,
+                "spring": spring.times_s[-1],
+                "magnet_current": magnet.times_s[-1],
+                "accelerometer": force.times_s[-1],
+            },
+            tick_late_s=late_s,
+            supply_v=motor.supply_v,
+            failed_reads=self._failed,
+            **known,
+        )
+        return snap, events
 
     def _try(self, name: str, read: Callable[[], T], events: list[Event]) -> T | None:
         try:

@@ -201,7 +201,7 @@ def changed(state: State, **changes: Any) -> State:
     places = _PLACES[type(state)]
     for name, value in changes.items():
         fields[places[name]] = value
-    return type(state)(*fields)
+    return type(state)._make(fields)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ import numpy as np
 from flight.plans import GoalPlan, MissionPlan
 from hal.config import Limits, build_settings
 from hal.errors import ConfigError
-from hal.log import LogSink, log_problem
+from hal.log import LogSink, log_problem, tick_end_of
 from sim_hal.plant.plant import Plant
 from sim_hal.settings import Spot
 from sim_hal.soils import Soils, ground_of, load_soils
@@ -61,6 +61,10 @@ class Terrain:
         self.log.write(topic, time_s, payload)
         if topic == "event" and payload["name"] == "decision" and payload["action"] != "give_up":
             self.world.stand_on(self._spot(payload["place"], payload["hop_index"]))
+
+    def tick_done(self) -> None:
+        """Tell the log that a tick is over."""
+        tick_end_of(self.log)()
 
     def _spot(self, place: str, hop_index: int) -> Spot:
         goal = next(goal for goal in self.plan.goals if goal.place == place.rstrip("'"))

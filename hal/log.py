@@ -6,10 +6,11 @@ affair. It must not influence what it records: no sink may change, drop or reord
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from hal.calls import to_plain
 from hal.errors import HalError
 
 
@@ -24,7 +25,8 @@ class LogSink(Protocol):
         """Record one message.
 
         `time_s` is the board's clock. `payload` holds strings, booleans, finite numbers, None, and lists
-        (tuples) and string-keyed mappings of these; floats are kept exactly.
+        (tuples) and string-keyed mappings of these; floats are kept exactly. A value of it may also be a reading, or
+        several, which go on record as the mapping of their fields (`hal.calls.to_plain`).
         """
 
 
@@ -43,6 +45,16 @@ def log_problem(log: LogSink) -> str:
     return str(getattr(log, "problem", ""))
 
 
+def tick_end_of(log: LogSink) -> Callable[[], None]:
+    """What tells a sink that a tick is over, and time to write; for a sink that does not ask for it, nothing."""
+    told: Callable[[], None] = getattr(log, "tick_done", _nothing)
+    return told
+
+
+def _nothing() -> None:
+    """Tell nobody."""
+
+
 class NullLog:
     """Records nothing."""
 
@@ -51,11 +63,12 @@ class NullLog:
 
 
 class MemoryLog:
-    """Keeps the messages as they are handed over, in `messages`."""
+    """Keeps the messages, in `messages`."""
 
     def __init__(self) -> None:
         self.messages: list[LogMessage] = []
 
     def write(self, topic: str, time_s: float, payload: Mapping[str, Any]) -> None:
         """Keep the message."""
-        self.messages.append(LogMessage(len(self.messages), topic, time_s, payload))
+        plain = {name: to_plain(value) for name, value in payload.items()}
+        self.messages.append(LogMessage(len(self.messages), topic, time_s, plain))

@@ -326,6 +326,9 @@ def test_the_recorder_keeps_the_newest_before_a_hop_and_the_first_of_it() -> Non
     assert hop.times_s[0] == hop.spring_times_s[0] == 60.0
     assert 70.0 < hop.times_s[-1] < 73.0
     assert np.all(np.diff(hop.times_s) > 0.0)
-    recorder.clear()
+    recorder.rest()
     feed(102.0, 300)
-    assert recorder.record(130.0).times_s[0] > 115.0
+    assert recorder.record(130.0).times_s.size == 0
+    recorder.clear()
+    feed(132.0, 300)
+    assert recorder.record(160.0).times_s[0] > 145.0

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from flight.background_log import BackgroundLog
+from flight.background_log import BATCH, BackgroundLog
 from flight.log import LogSettings, McapLog, parts_of, read_log
 from hal.board import open_board
 from hal.config import config_path, read_yaml
-from hal.log import LogError, NullLog, log_problem
+from hal.log import LogError, NullLog, log_problem, tick_end_of
 from hal.tap import tap_board
 
 SMALL = LogSettings(file_bytes=16_384, total_bytes=65_536, waiting_messages=100)
@@ -104,6 +104,27 @@ def test_a_slow_disc_keeps_nothing_waiting_beyond_its_bound() -> None:
     log.close()
     assert disc.written == [float(index) for index in range(len(disc.written))]  # in order, without a hole
     assert 90 <= len(disc.written) <= 102
+
+
+def test_messages_are_handed_over_when_a_tick_ends_or_when_they_are_many() -> None:
+    disc = Disc()
+    disc.go.set()
+    log = BackgroundLog(disc, 1000)  # type: ignore[arg-type]
+    log.write("event", 0.0, {})
+    log.write("event", 0.0, {})
+    assert log.waiting == 2
+    assert disc.written == []  # whatever the thread does: nothing was handed over
+    tick_end_of(log)()
+    while log.waiting:
+        pass
+    assert disc.written == [0.0, 0.0]
+    for index in range(BATCH):
+        log.write("event", float(index), {})
+    while log.waiting:
+        pass
+    assert disc.written[2:] == [float(index) for index in range(BATCH)]
+    log.close()
+    tick_end_of(NullLog())()  # a sink that does not gather messages need not know of ticks
 
 
 def test_where_time_is_simulated_a_slow_disc_holds_the_flight_up_and_nothing_is_lost() -> None:
