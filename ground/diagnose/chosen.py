@@ -14,7 +14,7 @@ class Chosen:
     """An effect in the extended plant, its rivals with their weights, and what the plant is like without it.
 
     `twins` act alike on these recordings: nothing but where they usually occur speaks for one of them. `rival_fit` is
-    the plant with the closest rival in its place, `absent` that with nothing there.
+    the plant with its most probable rival in its place, `absent` that with nothing there.
     """
 
     candidate: Candidate
@@ -27,7 +27,7 @@ class Chosen:
     absent: Fit | None = None
 
     def outdone_by(self, left: frozenset[str]) -> tuple[Candidate, Fit] | None:
-        """The closest rival with the plant that has it, where it is more probable; none of those that have `left`."""
+        """The most probable rival with its plant, where it outdoes the effect; none of those that have `left`."""
         if self.rival_fit is None or self.rival_fit[0].key in left:
             return None
         weights = {candidate.key: weight for candidate, weight in self.weights}

@@ -161,7 +161,7 @@ class Search(Trials):
 
     def given_way(self, one: Chosen, rival: Candidate) -> Chosen:
         """An effect's place taken by one of its rivals."""
-        others = tuple(c for c in (one.candidate, *one.rivals) if c is not rival)
+        others = tuple(c for c in (one.candidate, *one.rivals) if c.key != rival.key)
         return replace(one, candidate=rival, rivals=others, twins=self._twins.get(rival.key, ()))
 
     def best_of(
@@ -197,13 +197,17 @@ class Search(Trials):
         return degenerate(candidate, fit) - usual
 
     def replace_earlier(self, current: Fit, chosen: list[Chosen]) -> tuple[Fit, list[Chosen]]:
-        """Let a rival take the place of an effect that joined earlier, where the plant then fits clearly better."""
+        """Let a rival take the place of an effect that joined earlier, where the plant then fits clearly better.
+
+        Of rivals that fit about as well the likeliest beforehand: what is simple leaves least to be mistaken later.
+        """
         for number, one in enumerate(chosen[:-1]):
             swapped = self.swapped(self.without(current, one), one)
             if not swapped or swapped[0][1].chi2 >= CLEARLY * current.chi2:
                 continue
-            rival = swapped[0][0]
-            ((_, current),) = self.polished(swapped[:1])
+            near = [pair for pair in swapped if CLEARLY * pair[1].chi2 < swapped[0][1].chi2]
+            rival, fit = min(near, key=lambda pair: self.unusual(*pair))
+            ((_, current),) = self.polished([(rival, fit)])
             self.outlook.say(f"replacing {label_of(one.candidate)} by {label_of(rival)}")
             chosen[number] = self.given_way(one, rival)
         return current, chosen
@@ -245,6 +249,8 @@ class Search(Trials):
         rivals = [(one.candidate, final), *close]
         shares = model_weights(scores, [self.unusual(candidate, fit) for candidate, fit in rivals])
         weights = [(candidate, float(w)) for (candidate, _), w in zip(rivals, shares, strict=True)]
+        probable = {candidate.key: weight for candidate, weight in weights}
+        able = [pair for pair in close if identified(*pair, segments, absent.chi2)]
         # The plant without the effect is scored on the very data it was fitted to, which can only flatter it.
         lacking = in_sample(absent, segments).scores(share)
         return replace(
@@ -253,5 +259,5 @@ class Search(Trials):
             probability_better=probability_better(scores[0], lacking),
             chi2_without=absent.chi2,
             absent=absent,
-            rival_fit=next((pair for pair in close if identified(*pair, segments, absent.chi2)), None),
+            rival_fit=max(able, key=lambda pair: probable[pair[0].key], default=None),
         )
