@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,26 @@ def test_what_was_held_out_confirms_an_effect_that_is_there_and_no_other(
         assert holds(named, search, data.held_out_windows) == bool(level_n)
     assert bool(kept.chosen) == bool(level_n)
     assert bool(failed) != bool(level_n)
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_of_rivals_that_fit_alike_the_simple_one_takes_the_place(tmp_path: Path, processes: int) -> None:
+    """Dry friction was taken for viscous; laws that hold dry friction as a limit fit as well as that, or by a hair
+    better. The rivals know no identity of their own: workers hand back copies."""
+    given = plant(tmp_path)
+    data, refit = refitted(given, given.with_effect(friction(0.8)), seed=7)
+    wrong, fit = with_effect("viscous_friction", data, refit)
+    names = ("presliding_hysteresis", "stribeck_friction", "coulomb_friction")
+    offered = effect_candidates(refit.plant, find_scales(refit, data.windows))
+    rivals = tuple(next(c for c in offered if c.physics_id == name) for name in names)
+    with Workers(data.windows, data.sigmas, find_scales(refit, data.windows), processes) as workers:
+        search = Search(workers, Outlook(), given, workers.context.scales)
+        one = Chosen(wrong, 1.0, rivals, (), (), refit.chi2, absent=refit)
+        _, (first, _) = search.replace_earlier(fit, [one, replace(one, candidate=rivals[0])])
+        outdone = search.contest(fit, one).outdone_by(frozenset())
+    assert first.candidate.key == rivals[2].key
+    assert [c.key for c in first.rivals] == [wrong.key, rivals[0].key, rivals[1].key]
+    assert outdone is not None and outdone[0].key == rivals[2].key
 
 
 @pytest.mark.parametrize("noise_m", [1e-6, 1e-4, 1e-2])
