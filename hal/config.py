@@ -12,7 +12,9 @@ import math
 import re
 import types
 from collections.abc import Hashable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -61,7 +63,7 @@ def read_yaml(path: Path) -> Any:
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: not UTF-8 text (byte {error.start})") from error
     try:
-        return yaml.load(text, Loader=StrictLoader)
+        return _parsed(text)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         where = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
@@ -70,8 +72,20 @@ def read_yaml(path: Path) -> Any:
         raise ConfigError(f"{path}: not valid YAML ({str(error).splitlines()[0]})") from error
 
 
-class StrictLoader(yaml.SafeLoader):
-    """YAML's safe loader, refusing a key that stands twice in one mapping; `1e-5` is read as a number."""
+def _parsed(text: str) -> Any:
+    """By libyaml where PyYAML has it, in a fifth of the time; what that refuses, PyYAML's own parser has to judge.
+
+    libyaml ends the process where its stack is full, so it is not given what may be nested deeper than any settings.
+    """
+    deepest = text.count("[") + text.count("{") + max(map(len, text.splitlines()), default=0)
+    if _QuickLoader is not None and deepest < _DEEPEST:
+        with suppress(yaml.YAMLError, ValueError, RecursionError):
+            return yaml.load(text, Loader=_QuickLoader)
+    return yaml.load(text, Loader=StrictLoader)
+
+
+class _Strict(yaml.constructor.SafeConstructor):
+    """Refuses a key that stands twice in one mapping."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[object] = set()
@@ -89,11 +103,21 @@ class StrictLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
+class StrictLoader(_Strict, yaml.SafeLoader):
+    """YAML's safe loader, refusing a key that stands twice in one mapping; `1e-5` is read as a number."""
+
+
 StrictLoader.add_implicit_resolver(
     "tag:yaml.org,2002:float",
     re.compile(r"^[-+]?(?:[0-9][0-9_]*\.?[0-9_]*|\.[0-9_]+)[eE][-+]?[0-9]+$"),
     list("-+0123456789."),
 )
+
+_DEEPEST = 2000
+_QuickLoader: Any = None
+if yaml.__with_libyaml__:
+    _QuickLoader = type("_QuickLoader", (_Strict, yaml.CSafeLoader), {})
+    _QuickLoader.yaml_implicit_resolvers = StrictLoader.yaml_implicit_resolvers
 
 
 class StrictDumper(yaml.SafeDumper):
@@ -124,8 +148,7 @@ def build_settings(data: Any, settings: type[T], source: str, prefix: str = "") 
         raise ConfigError(
             f"{source}: {prefix.rstrip('.') or 'the file'} must be a mapping, not {type(data).__name__}"
         )
-    hints = get_type_hints(settings, include_extras=True)
-    fields = {field.name: field for field in dataclasses.fields(settings)}
+    hints, fields = _declared(settings)
     unknown = sorted(str(key) for key in data if key not in fields)
     if unknown:
         raise ConfigError(
@@ -138,6 +161,13 @@ def build_settings(data: Any, settings: type[T], source: str, prefix: str = "") 
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise ConfigError(f"{source}: key {prefix}{name} is missing")
     return settings(**values)
+
+
+@cache
+def _declared(settings: type[DataclassInstance]) -> tuple[dict[str, Any], dict[str, dataclasses.Field[Any]]]:
+    """Annotations and fields of a settings class, by name."""
+    fields = {field.name: field for field in dataclasses.fields(settings)}
+    return get_type_hints(settings, include_extras=True), fields
 
 
 def _convert(value: Any, hint: Any, source: str, key: str) -> Any:

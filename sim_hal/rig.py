@@ -50,6 +50,7 @@ class Rig:
             name: SampledSensor(name, getattr(settings.sensors, name), seed)
             for name, seed in zip(CHANNELS, seeds, strict=True)
         }
+        self._sensing = [(name, CHANNELS[name], sensor) for name, sensor in self.sensors.items()]
         self._step(0.0)
 
     def advance(self, to_s: float) -> None:
@@ -72,12 +73,12 @@ class Rig:
             self._drop_power_of_silent_actuators()
         lock_fault = faults.of("lock", end_s)
         self.world.lock_blocked = lock_fault is not None
-        wanted = {CHANNELS[name]: sensor.due(end_s) for name, sensor in self.sensors.items()}
+        wanted = {channel: sensor.due(end_s) for _, channel, sensor in self._sensing}
         truth = self.world.advance(end_s, wanted)
         self.now_s = end_s
-        for name, sensor in self.sensors.items():
+        for name, channel, sensor in self._sensing:
             fault = self._fault_of(name, end_s) if faults else None
-            if sensor.record(wanted[CHANNELS[name]], truth[CHANNELS[name]], fault) and fault:
+            if sensor.record(wanted[channel], truth[channel], fault) and fault:
                 faults.note(fault, end_s)
         if lock_fault is not None and self.world.lock_is_due:
             faults.note(lock_fault, end_s)

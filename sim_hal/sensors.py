@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Collection, Sequence
+from functools import lru_cache
 from itertools import chain
 from typing import NamedTuple
 
@@ -58,6 +59,23 @@ def _broken(value: float, noise: float, fault: Fault, latest: Sample | None) -> 
     return value
 
 
+@lru_cache(maxsize=8)  # sensors of one rate have their instants in common
+def _grid(rate_hz: float, first: int, now_s: float) -> tuple[float, ...]:
+    """The sample instants from number `first` on that are reached by `now_s` [s]."""
+    latest_s = now_s + GRID_TOLERANCE_S
+    end = math.floor(latest_s * rate_hz) + 1
+    if end / rate_hz <= latest_s:  # the product was rounded down
+        end += 1
+    elif (end - 1) / rate_hz > latest_s:  # or up
+        end -= 1
+    if end <= first:
+        return ()
+    instants = [count / rate_hz for count in range(first, end)]
+    if instants[-1] > now_s - GRID_TOLERANCE_S:
+        instants[-1] = now_s  # the same but for rounding: what is due now is looked at once
+    return tuple(instants)
+
+
 class SampledSensor:
     """One sensor: when it samples, what it makes of the truth, and the samples not yet read."""
 
@@ -102,20 +120,10 @@ class SampledSensor:
         known = ", ".join(f"{mode.rate_hz:g}" for mode in self._modes)
         raise CommandRefused(f"{self.name}: rate {rate_hz!r} Hz is not one of the part's rates: {known}")
 
-    def due(self, now_s: float) -> list[float]:
+    def due(self, now_s: float) -> tuple[float, ...]:
         """Take the sample instants reached by `now_s` [s]; each is handed out once, oldest first."""
-        rate_hz, latest_s = self._mode.rate_hz, now_s + GRID_TOLERANCE_S
-        end = math.floor(latest_s * rate_hz) + 1
-        if end / rate_hz <= latest_s:  # the product was rounded down
-            end += 1
-        elif (end - 1) / rate_hz > latest_s:  # or up
-            end -= 1
-        if end <= self._count:
-            return []
-        instants = [count / rate_hz for count in range(self._count, end)]
-        self._count = end
-        if instants[-1] > now_s - GRID_TOLERANCE_S:
-            instants[-1] = now_s  # the same but for rounding: what is due now is looked at once
+        instants = _grid(self._mode.rate_hz, self._count, now_s)
+        self._count += len(instants)
         return instants
 
     def record(
@@ -168,23 +176,21 @@ class SampledSensor:
 
     def _measured(
         self, truth: Sequence[float], start: int, fault: Fault | None = None
-    ) -> tuple[list[float], list[bool]]:
+    ) -> tuple[Sequence[float], Sequence[bool]]:
         """What the noise from `start` on makes of true values; and whether each is at the range's end."""
         step, sigma, low, high = self.step, self._mode.noise_std, self._mode.low, self._mode.high
-        latest = self.latest() if fault is not None and self._newest is not None else None
-        shown, saturated = [], []
         # plain numbers: most batches are of a few samples, for which arrays take longer
-        for true, noise in zip(truth, self._noise[start : start + len(truth)], strict=True):
-            value = true + sigma * noise
-            if fault is not None:
-                value = _broken(value, noise, fault, latest)
-            if step > 0.0:
-                value = round(value / step) * step
-            if not low < value < high:
-                value = max(low, min(high, value))
-            shown.append(value)
-            saturated.append(not low < value < high)
-        return shown, saturated
+        noises = self._noise[start : start + len(truth)]
+        shown = [true + sigma * noise for true, noise in zip(truth, noises, strict=True)]
+        if fault is not None:
+            latest = self.latest() if self._newest is not None else None
+            shown = [_broken(value, noise, fault, latest) for value, noise in zip(shown, noises, strict=True)]
+        if step > 0.0:
+            shown = [round(value / step) * step for value in shown]
+        if low < min(shown) and max(shown) < high:  # nearly always
+            return shown, (False,) * len(shown)
+        shown = [max(low, min(high, value)) for value in shown]
+        return shown, [not low < value < high for value in shown]
 
     def _keep(self, times_s: Sequence[float], shown: Sequence[float], saturated: Sequence[bool]) -> None:
         """To the FIFO, which loses its oldest samples when it is full: pieces here, the rest when it is drained."""
@@ -199,8 +205,10 @@ class SampledSensor:
     def drain(self) -> Batch:
         """All samples since the last call, and whether older ones were lost before them."""
         times_s, values, saturated = self._fifo[0] if len(self._fifo) == 1 else _joined(self._fifo)
-        kept = slice(-self._depth, None)
-        batch = Batch(tuple(times_s[kept]), tuple(values[kept]), tuple(saturated[kept]), self._overrun)
+        if len(times_s) > self._depth:
+            kept = slice(-self._depth, None)
+            times_s, values, saturated = times_s[kept], values[kept], saturated[kept]
+        batch = Batch(tuple(times_s), tuple(values), tuple(saturated), self._overrun)
         self._fifo.clear()
         self._waiting, self._overrun = 0, False
         return batch

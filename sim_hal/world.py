@@ -167,7 +167,8 @@ class World:
     def _stand(self, of_drive: set[float], wanted: Mapping[str, Sequence[float]]) -> Truth:
         """Without a hop nothing moves but the drive; one that holds no spring is read on demand."""
         seen = {}
-        for at_s in sorted(of_drive.union(wanted[SPRING])):
+        instants = of_drive.union(wanted[SPRING])
+        for at_s in sorted(instants) if len(instants) > 1 else instants:
             if self.latch_closed or at_s in of_drive:
                 self._drive_until(at_s)
             drive = self._drive

@@ -81,6 +81,7 @@ class Simulator:
         self._latest: list[float] | None = None  # outputs at the present time
         self._breaks = np.zeros(2)
         self._held = np.zeros((2, len(plant.structure.inputs)))
+        self._given: dict[str, float] = {}
         self._runs: dict[int, tuple[Floats, Callable[[], Rows]]] = {}  # by number of samples
         self._history: list[tuple[float, dict[str, float]]] = []
         self._remember()
@@ -118,11 +119,14 @@ class Simulator:
     def _take(self, inputs: Mapping[str, float] | None) -> None:
         """Hold these inputs from now on."""
         for name, value in (inputs or {}).items():
+            if self._given.get(name) == value:
+                continue  # nearly always: to write into an array takes its time
             if name not in self._places:
                 raise SimulationError(f"no input {name!r}; inputs: {', '.join(self._places) or 'none'}")
             if not math.isfinite(value):
                 raise SimulationError(f"input {name} = {value} is not finite")
             self._held[:, self._places[name]] = value
+            self._given[name] = value
 
     def outputs(self) -> dict[str, float]:
         """Outputs and definitions by name at the present time, SI."""
@@ -169,11 +173,9 @@ class Simulator:
 
     def _go_on(self, to_time_s: float) -> None:
         """Go on to a later time, from event to event, or stay; notes the outputs there."""
-        while True:
-            until = min(self._inside(to_time_s), default=to_time_s)
-            self._latest = self._sampled((until,))[0]
-            if until == to_time_s:
-                break
+        for event_s in sorted(set(self._inside(to_time_s))):
+            self._sampled((event_s,))
+        self._latest = self._sampled((to_time_s,))[0]
 
     def _sampled(self, times_s: Sequence[float]) -> Rows:
         """Go on to the last of some times between which nothing happens from outside; outputs (n, n_outputs)."""
@@ -183,8 +185,9 @@ class Simulator:
             plan = Schedule(self._breaks, self._held, np.zeros_like(self._held), self._events, here)
             self._runs[count] = here, self._compiled.stepper(self._machine, plan)
         here, run = self._runs[count]
-        here[:] = times_s
-        self._breaks[:] = self._time_s, times_s[-1]
+        for place, time_s in enumerate(times_s):  # mostly one, or a few: quicker than all at once
+            here[place] = time_s
+        self._breaks[0], self._breaks[1] = self._time_s, times_s[-1]
         self._room[engine.CLOCK, engine.STEPS] = 0.0
         outputs = run()
         self._time_s = times_s[-1]
