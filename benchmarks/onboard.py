@@ -50,6 +50,7 @@ from benchmarks.real_time import (
 )
 from benchmarks.tick_meter import TickMeter
 from flight import settings as flight_settings
+from flight.__main__ import KEPT_REPORTS
 from flight.background_log import BackgroundLog
 from flight.executive import Progress, fly
 from flight.log import McapLog
@@ -171,11 +172,11 @@ def growth(hours: float) -> Growth:
         gc.disable()
         mission = plan(max(2, round(hours * 3600.0 / HOP_S)))
         resting = replace(board, clock=Resting(board.clock, log))
-        result = fly(tap_board(resting, log), settings, mission, log, seen)
+        result = fly(tap_board(resting, log), settings, mission, log, seen, kept_reports=KEPT_REPORTS)
         gc.enable()
     (_, first_kb), (last_s, last_kb) = seen.points[0], seen.points[-1]
     print(
-        f"  {len(result.hops)} hops in {last_s / 60.0:.1f} simulated minutes, {result.end_reason}; "
+        f"  {result.made} hops in {last_s / 60.0:.1f} simulated minutes, {result.end_reason}; "
         f"resident {first_kb / 1024:.1f} to {last_kb / 1024:.1f} MB"
     )
     return seen

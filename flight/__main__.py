@@ -28,6 +28,9 @@ from hal.link.streams import SerialLine
 from hal.memory import FileMemory
 from hal.tap import tap_board
 
+KEPT_REPORTS = 32
+"""Hops whose reports are held in memory, to be printed at the end: some ten minutes' worth."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Fly one mission. Exit code 0: completed; 1: ended otherwise; 2: refused before anything moved."""
@@ -37,6 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (HalError, OSError) as error:
         print(f"flight: {error}", file=sys.stderr)
         return 2
+    if result.made > len(result.hops):
+        print(f"the newest {len(result.hops)} of {result.made} hops (the log has them all):")
     for report in result.hops:
         print(_line(report.as_payload()))
     print(f"mission {result.plan.name!r}: ended in {result.end_reason!r}")
@@ -96,7 +101,7 @@ def _fly(options: argparse.Namespace) -> MissionResult:
     ):
         flown = tap_board(_fitted(opened, options, key), log)
         with _quiet_collector():
-            result = fly(flown, settings, mission, log, stay_s=options.stay_s)
+            result = fly(flown, settings, mission, log, stay_s=options.stay_s, kept_reports=KEPT_REPORTS)
 
     if log.problem:
         print(f"flight: the log is not whole: {log.problem}", file=sys.stderr)

@@ -58,10 +58,13 @@ def fly(
     *,
     surfaces: SurfaceSettings | None = None,
     stay_s: float = 0.0,
+    kept_reports: int | None = None,
 ) -> MissionResult:
     """Fly the mission from power-up to SAFE and return what came of it.
 
-    `stay_s` is how long it stays in SAFE, listening for the ground's `reset`, before it ends.
+    `stay_s` is how long it stays in SAFE, listening for the ground's `reset`, before it ends. `kept_reports`: of how
+    many hops, the newest, the reports are kept for the result, so that a long mission does not fill the memory; all
+    without it. The log has them all.
 
     `surfaces` are the known surfaces, those of `config/surfaces.yaml` unless given (raises `ConfigError` when
     that file is refused).
@@ -70,7 +73,7 @@ def fly(
     in SAFE with the reason `exception:TYPE`, and is logged; a motor that does not take a command ends it as
     `motor_command_failed`.
     """
-    pilot = MissionPilot(mission, settings, surfaces or load_surfaces())
+    pilot = MissionPilot(mission, settings, surfaces or load_surfaces(), kept_reports)
     executive = _Executive(board, settings, pilot, log)
     try:
         while not executive.ended(stay_s):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -107,21 +108,23 @@ def _payload(value: Uncertain | None) -> Mapping[str, float] | None:
 class MissionResult:
     """A mission flown: the report of each hop, what was decided, and how it ended (`stowed` is the good end).
 
-    `goals_left` counts the goals that were neither sought to their end nor given up.
+    `hops` are the newest where `fly` was told to keep no more; `made` counts them all. `goals_left` counts the goals
+    that were neither sought to their end nor given up.
     """
 
     plan: MissionPlan
     hops: tuple[HopReport, ...]
     end_reason: str
     spring_loaded: bool
+    made: int
     decided: tuple[Decided, ...] = ()
     goals_left: int = 0
 
     @property
     def completed(self) -> bool:
         """All planned hops made, all goals done with, and the robot stowed with the spring shown to hold nothing."""
-        made = len(self.hops) >= len(self.plan.hops)  # the ground may have commanded more
-        return self.end_reason == STOWED and made and not self.goals_left and not self.spring_loaded
+        enough = self.made >= len(self.plan.hops)  # the ground may have commanded more
+        return self.end_reason == STOWED and enough and not self.goals_left and not self.spring_loaded
 
 
 def _own(now_s: float, name: str, arguments: tuple[tuple[str, float], ...] = ()) -> GroundCommand:
@@ -133,19 +136,23 @@ def _own(now_s: float, name: str, arguments: tuple[tuple[str, float], ...] = ())
 class MissionPilot:
     """The autonomous source of commands, and the keeper of what the hops have told.
 
-    Its commands pass the same checks as the ground's.
+    Its commands pass the same checks as the ground's. `reports` are those of the newest `kept_reports` hops.
     """
 
     plan: MissionPlan
     settings: FlightSettings
     surfaces: SurfaceSettings
-    reports: list[HopReport] = field(default_factory=list)
+    kept_reports: int | None = None
+    reports: deque[HopReport] = field(init=False)
+    made: int = field(default=0, init=False)
     ground: GroundWatch = field(init=False)
     seeker: GoalSeeker = field(init=False)
+    _references: list[Uncertain] = field(default_factory=list)  # C2_ref as each reference hop has measured it
     _asked: tuple[str, float] | None = None
     _asked_in: tuple[Phase, float] | None = None
 
     def __post_init__(self) -> None:
+        self.reports = deque(maxlen=self.kept_reports)
         self.ground = GroundWatch(self.surfaces, self.settings)
         self.seeker = GoalSeeker(self.plan.goals, self.settings)
 
@@ -163,8 +170,7 @@ class MissionPilot:
     @property
     def next_hop(self) -> HopPlan | None:
         """The hop to make next; None when all is done."""
-        made = len(self.reports)
-        return self.plan.hops[made] if made < len(self.plan.hops) else self.seeker.hop
+        return self.plan.hops[self.made] if self.made < len(self.plan.hops) else self.seeker.hop
 
     def commands(self, machine: Machine, now_s: float) -> tuple[GroundCommand, ...]:
         """What the mission asks for at this tick."""
@@ -195,7 +201,7 @@ class MissionPilot:
 
     def evaluate(self, record: HopRecord, heartbeat: Heartbeat | None = None) -> HopReport:
         """Evaluate the hop just made and update what is believed of the ground."""
-        index = len(self.reports)
+        index = self.made
         sought = index >= len(self.plan.hops) and self.seeker.hop is not None
         # A hop that the ground commanded beyond the plan is reported like the last one.
         plan = self.next_hop or (self.reports[-1].plan if self.reports else self.plan.hops[-1])
@@ -210,7 +216,7 @@ class MissionPilot:
                 c3 = energy.c3_surface(seen.potential_j, seen.analysis_j, c2_ref)
         stance = stance_of(record, seen, self.settings)
         belief = self._believe(plan, c3, seen, stance, source, sought)
-        # Reports are kept to the mission's end; a fit holds the hop's samples, which are not.
+        # Reports are kept; a fit holds the hop's samples, which are not.
         seen = replace(seen, flight=replace(seen.flight, fit=None))
         report = HopReport(
             index, plan, record.fire_s, seen, c1, c2_ref, source, c2_measured, c3, belief, stance
@@ -219,6 +225,9 @@ class MissionPilot:
             leaps = self.ground.elsewhere(plan.place, plan.energy_j, c2_ref.value)
             report = replace(report, elsewhere=leaps)
         self.reports.append(report)
+        self.made += 1
+        if c2_measured is not None:
+            self._references.append(c2_measured)
         if sought:
             self.seeker.after_hop(None if seen.height_m is None else seen.height_m.value)
         if index + 1 >= len(self.plan.hops):
@@ -231,16 +240,16 @@ class MissionPilot:
             tuple(self.reports),
             machine.reason,
             machine.loaded,
+            self.made,
             tuple(self.seeker.decided),
             self.seeker.goals_left,
         )
 
     def _c2_ref(self) -> tuple[Uncertain, str]:
         """C2_ref from this mission's reference hops if there are any, else the foot's average."""
-        measured = [report.c2_measured for report in self.reports if report.c2_measured is not None]
-        if measured:
+        if self._references:
             repeat = self.settings.evaluation.reference_repeatability
-            return mean_of(measured).with_part("c2_ref_repeatability", repeat), "direct"
+            return mean_of(self._references).with_part("c2_ref_repeatability", repeat), "direct"
         foot = self.settings.rig.feet[self.settings.rig.foot]
         return Uncertain.of(foot.c2_ref_mean, foot.c2_ref_std, "c2_ref"), "average"
 
@@ -255,7 +264,7 @@ class MissionPilot:
     ) -> GroundBelief | None:
         if plan.reference:
             return None
-        index = len(self.reports)
+        index = self.made
         if c3 is None or seen.used_j is None:
             return self.ground.unseen(plan.place, plan.tilt_deg, self._common(), plan.energy_j)
         hop = hop_seen(c3, seen.used_j.value, stance, index)
@@ -266,7 +275,7 @@ class MissionPilot:
         def tracker_of(place: str, tilt_deg: float) -> Tracker:
             return self.ground.tracker(place, tilt_deg, self._common())
 
-        self.seeker.decide(len(self.reports), tracker_of, self._c2_ref()[0])
+        self.seeker.decide(self.made, tracker_of, self._c2_ref()[0])
 
     def _common(self) -> float:
         """The error of u that C2_ref brings."""

@@ -181,7 +181,7 @@ def test_a_mission_is_complete_only_with_all_hops_made_and_the_spring_shown_unlo
     assert result.completed
     assert not replace(result, spring_loaded=True).completed
     assert not replace(result, end_reason="over_current").completed
-    assert not replace(result, hops=()).completed
+    assert not replace(result, hops=(), made=0).completed
 
 
 def test_a_self_test_that_fails_moves_nothing() -> None:
@@ -244,6 +244,21 @@ def test_ground_commands_pass_the_same_checks_as_the_missions_own() -> None:
     refused = [event["command"] for event in log.events("command_refused")]
     assert refused == ["fire", "arm", "tension", "self_destruct"]
     assert result.completed
+
+
+def test_a_mission_may_keep_the_newest_reports_alone_and_decides_alike() -> None:
+    """The measured C2_ref of a report that is gone counts on; the log has every hop."""
+    steel = HopPlan(12.0, "steel", place="plate", reference=True)
+    plan = MissionPlan("reference first", (steel, HopPlan(12.0, place="A"), HopPlan(12.0, place="A")))
+    whole, few = ListLog(), ListLog()
+    every = fly(fake_board(FakeRobot(SETTINGS, nut_m=0.002)), SETTINGS, plan, whole)
+    newest = fly(fake_board(FakeRobot(SETTINGS, nut_m=0.002)), SETTINGS, plan, few, kept_reports=1)
+    assert few.entries == whole.entries
+    assert len(few.of("hop")) == 3
+    assert newest.hops == every.hops[-1:]
+    assert newest.hops[0].c2_ref_source == "direct"
+    assert (newest.made, every.made) == (3, 3)
+    assert newest.completed
 
 
 def test_reference_hops_give_c2_for_the_hops_after_them() -> None:
