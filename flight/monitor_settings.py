@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -40,11 +41,11 @@ class Response(StrEnum):
 
 
 class MonitorLimit(NamedTuple):
-    """A quantity is beyond its limit when `sign` times it is above `limit`; it counts in these phases."""
+    """A quantity is beyond its limit when it is not within `low` to `high`; it counts in these phases."""
 
     name: str
-    sign: float
-    limit: float
+    low: float
+    high: float
     phases: frozenset[Phase]
 
 
@@ -73,9 +74,9 @@ class MonitorSettings:
     def limit_of(self, name: str) -> MonitorLimit:
         """What is compared, under the monitor's name; of a row that measures."""
         if self.above is not None:
-            return MonitorLimit(name, 1.0, self.above, self.phases)
+            return MonitorLimit(name, -math.inf, self.above, self.phases)
         assert self.below is not None
-        return MonitorLimit(name, -1.0, -self.below, self.phases)
+        return MonitorLimit(name, self.below, math.inf, self.phases)
 
     def problem(self) -> str:
         """What is wrong with the row, as 'key = value is no ...'; empty when nothing is."""

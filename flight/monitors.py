@@ -33,7 +33,7 @@ def watch(machine: Machine, snap: Snapshot, settings: FlightSettings) -> tuple[M
     counts: dict[str, int] = {}
     dead: list[str] = []
     phase, beyond = machine.phase, machine.beyond_ticks
-    for name, sign, limit, phases in settings.measured_monitors:
+    for name, low, high, phases in settings.measured_monitors:
         try:
             quantity = QUANTITIES[name](machine, snap, settings)
         except (ArithmeticError, LookupError, TypeError, ValueError):
@@ -42,7 +42,7 @@ def watch(machine: Machine, snap: Snapshot, settings: FlightSettings) -> tuple[M
         if quantity is None:  # nothing new is known
             if name in beyond and phase in phases:
                 counts[name] = beyond[name]
-        elif not sign * quantity <= limit:
+        elif not low <= quantity <= high:
             if quantity != quantity:  # no number
                 dead.append(name)
             elif phase in phases:

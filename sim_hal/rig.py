@@ -119,7 +119,8 @@ class Rig:
 
     def command_voltage_v(self, voltage_v: float) -> None:
         """Apply a motor voltage [V], if the motor has power and obeys."""
-        self._note_disobedience("motor", voltage_v != self.world.voltage_v)
+        if self.faults:
+            self._note_disobedience("motor", voltage_v != self.world.voltage_v)
         if self._obeys("motor"):
             self._asked_v = voltage_v
             self._supply_motor()

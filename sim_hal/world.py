@@ -127,7 +127,7 @@ class World:
     @property
     def lock_is_due(self) -> bool:
         """Whether an open lock should take the string now."""
-        return self.at_home and not self.magnet_on and not self.latch_closed and self._hop is None
+        return not self.latch_closed and self._hop is None and not self.magnet_on and self.at_home
 
     def set_voltage_v(self, voltage_v: float) -> None:
         """Apply a voltage to the motor from now on."""
