@@ -28,9 +28,14 @@ def check(
         compile_plant(plant)
     if as_json:
         found = {name: {"value": p.value, "std": p.std, "unit": p.unit} for name, p in plant.flat().items()}
-        console.print_json({"name": plant.name, "kind": plant.kind, "parameters": found})
+        enters = {name: balance.unit for name, balance in plant.structure.balances.items()}
+        console.print_json(
+            {"name": plant.name, "kind": plant.kind, "parameters": found, "missing_force": enters}
+        )
         return
     console.table(f"{plant.name} ({plant.kind}): sound", HEADERS, parameter_rows(plant))
+    for name, balance in plant.structure.balances.items():
+        console.say(f"a missing force may enter {name}, in {balance.unit}")
 
 
 @plant_app.command()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -24,7 +25,7 @@ from sim_hal.plant.plant import (
     find_effect,
 )
 from sim_hal.plant.structure import PlantError, Quantity, Reader
-from sim_hal.plant.structure_file import STRUCTURE_KEYS, load_kind, read_structure
+from sim_hal.plant.structure_file import STRUCTURE_KEYS, check_kind, load_kind, read_structure
 from sim_hal.plant.units import dimension
 
 FORMAT = 1
@@ -70,14 +71,7 @@ def read_plant(data: Any, source: str) -> Plant:
     if not isinstance(data, dict):
         raise PlantError(f"{source}: the file must be a mapping, not {type(data).__name__}")
     reader = Reader(data, source)
-    if data.get("format") != FORMAT:
-        raise reader.error("format", f"{data.get('format')!r} must be {FORMAT}")
-    kind = data.get("kind")
-    name = data.get("plant", data.get("name"))
-    if not isinstance(kind, str):
-        raise reader.error("kind", f"{kind!r} must be a name")
-    if not isinstance(name, str):
-        raise reader.error("plant", f"{name!r} must be a name")
+    name, kind = _head(reader)
     allowed = {*_KEYS, *(STRUCTURE_KEYS if kind == "equations" else ())}
     unknown = sorted(str(key) for key in data if key not in allowed)
     if unknown:
@@ -85,10 +79,30 @@ def read_plant(data: Any, source: str) -> Plant:
     parameters = _parameters(reader, "parameters", data.get("parameters", {}))
     geometry = data.get("geometry", "vertical")
     try:
-        plant = _build(reader, str(name), kind, str(geometry), parameters)
+        plant = _build(reader, name, kind, str(geometry), parameters)
     except PlantError as error:
         raise error if str(error).startswith(source) else PlantError(f"{source}: {error}") from None
     return _with_effects(reader, plant)
+
+
+def _head(reader: Reader) -> tuple[str, str]:
+    """Name and kind of the plant, once the file says that it is one."""
+    data = reader.data
+    for key in ("format", "kind"):
+        if key not in data:
+            raise reader.error(key, "is missing; a plant file has format, plant (or name) and kind")
+    if data["format"] != FORMAT:
+        raise reader.error("format", f"{data['format']!r} must be {FORMAT}")
+    named = [key for key in ("plant", "name") if key in data]
+    if not named:
+        raise reader.error("plant", "is missing; it is the rig's name (name: says the same)")
+    if len({repr(data[key]) for key in named}) > 1:
+        raise reader.error("name", f"{data['name']!r} is not what plant says, {data['plant']!r}")
+    for key in (named[0], "kind"):
+        if not isinstance(data[key], str):
+            raise reader.error(key, f"{data[key]!r} must be a name")
+    check_kind(data["kind"], reader.source)
+    return data[named[0]], data["kind"]
 
 
 def _build(reader: Reader, name: str, kind: str, geometry: str, parameters: dict[str, Parameter]) -> Plant:
@@ -108,7 +122,22 @@ def _build(reader: Reader, name: str, kind: str, geometry: str, parameters: dict
     sensors = {key: _sensor(reader, key, value) for key, value in reader.entries("sensors").items()}
     plant = Plant(name, kind, structure, parameters, surfaces, sensors, (), geometry, reader.source, document)
     _check_parameters(reader, plant)
+    _check_sensors(reader, plant)
     return plant
+
+
+def _check_sensors(reader: Reader, plant: Plant) -> None:
+    """Refuse a sensor whose channel looks like a slip of the pen; a rig may have more than its plant predicts."""
+    channels = [*plant.structure.outputs, *plant.structure.inputs]
+    for name in plant.sensors.keys() - set(channels):
+        close = difflib.get_close_matches(name, channels, n=1, cutoff=0.85)
+        if close and _letters(close[0]) != _letters(name):
+            raise reader.error(f"sensors.{name}", f"is no channel of the plant; did you mean {close[0]!r}?")
+
+
+def _letters(channel: str) -> str:
+    """A channel's name without its number: `angle_1_rad` and `angle_2_rad` are two sensors, and no slip."""
+    return "".join(filter(str.isalpha, channel))
 
 
 def _parameters(reader: Reader, key: str, entries: Any) -> dict[str, Parameter]:

@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from hal.config import config_root, read_yaml
-from sim_hal.plant.expressions import ExpressionError, Name, Node
+from sim_hal.plant.expressions import ExpressionError, Name, Node, Num
 from sim_hal.plant.structure import (
     FIT,
     Balance,
@@ -185,12 +185,23 @@ def _read_events(reader: Reader) -> tuple[str, ...]:
 
 
 def _state(reader: Reader, key: str, entry: _StateEntry, channels: Mapping[str, Any]) -> State:
-    initial: Node | str = FIT
-    if entry.initial != FIT:
-        initial = reader.formula(entry.initial, f"states.{key}.initial")
-        if isinstance(initial, Name) and initial.id in channels and initial.id not in reader.entries("known"):
-            initial = Name(first_sample(initial.id))
+    if entry.initial == FIT:
+        return State(entry.unit, FIT)
+    initial = reader.formula(entry.initial, f"states.{key}.initial")
+    if isinstance(initial, Name) and initial.id not in reader.entries("known"):
+        if initial.id in channels:
+            return State(entry.unit, Name(first_sample(initial.id)))
+        _start_of_something(reader, f"states.{key}.initial", initial.id, channels)
     return State(entry.unit, initial)
+
+
+def _start_of_something(reader: Reader, key: str, name: str, channels: Mapping[str, Any]) -> None:
+    """Refuse a start that is one name, if it stands for nothing that could give one."""
+    quantities = [name for group in ("parameters", "known", "definitions") for name in reader.entries(group)]
+    quantities += [name for surface in reader.entries("surfaces").values() for name in surface]
+    if name not in (*quantities, "pi"):
+        known = ", ".join([FIT, *channels, *quantities])
+        raise reader.error(key, f"{name!r} is no start; known: a number, {known}, or a formula of parameters")
 
 
 def first_sample(channel: str) -> str:
@@ -239,6 +250,8 @@ def _balances(
                 raise reader.error(f"equations.{name}", "a balance needs per_force")
             per_force = {entry.state: reader.formula(entry.per_force, f"equations.{name}.per_force")}
             found[name] = _place(reader, structure, f"equations.{name}", name, name, entry, per_force)
+        else:
+            _needs_balance(reader, name, entry)
     for name, between in _read(reader, "balances", _BalanceEntry).items():
         key = f"balances.{name}"
         if not isinstance(between.per_force, dict) or not between.per_force.keys() <= structure.states.keys():
@@ -261,6 +274,12 @@ def _balances(
     return found
 
 
+def _needs_balance(reader: Reader, name: str, entry: _EquationEntry) -> None:
+    """Refuse an equation that says what a missing force would do in it, and not whether one may be missing."""
+    if entry.per_force is not None and "balance" not in reader.entries("equations")[name]:
+        raise reader.error(f"equations.{name}.per_force", "stands there without balance: true")
+
+
 def _place(
     reader: Reader,
     structure: Structure,
@@ -274,6 +293,8 @@ def _place(
     symbols = structure.units()
     unit = ""
     for state, node in per_force.items():
+        if node == Num(0.0):
+            raise reader.error(f"{key}.per_force", f"is 0 for {state}: no force would act on it")
         try:
             found = unit_of(node, symbols) or ()
         except ExpressionError as error:
@@ -302,13 +323,18 @@ def _friction(reader: Reader, structure: Structure) -> tuple[Friction, ...]:
     return tuple(found)
 
 
+def check_kind(kind: str, source: str) -> None:
+    """Raise `PlantError` for a kind of plant that is not known; `source` names the file that says it."""
+    kinds = ["equations", *sorted(item.stem for item in (config_root() / "kinds").glob("*.yaml"))]
+    if kind not in kinds:
+        raise PlantError(f"{source}: kind = {kind!r} is not known; known here: {', '.join(kinds)}")
+
+
 @lru_cache(maxsize=16)
 def load_kind(kind: str, geometry: str) -> Structure:
     """Structure of a built-in kind in one of its geometries; raises `PlantError` for an unknown one."""
+    check_kind(kind, kind)
     path = config_root() / "kinds" / f"{kind}.yaml"
-    kinds = sorted(item.stem for item in path.parent.glob("*.yaml"))
-    if kind not in kinds:
-        raise PlantError(f"kind = {kind!r} is not known; known here: equations, {', '.join(kinds)}")
     data = dict(read_yaml(path))
     variants = data.pop("geometry", {"vertical": {}})
     if geometry not in variants:

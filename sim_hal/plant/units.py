@@ -31,6 +31,10 @@ CHANNEL_UNITS: Mapping[str, str] = {
 }
 
 
+#: A power as a unit has it: a plain number of few digits, and no power of it in turn.
+_POWER = re.compile(r"\*\*\(?[-+]?\d{1,2}(\.\d{1,2}|/\d)?\)?(?!\*\*|[\w.])")
+
+
 class UnitError(ValueError):
     """A unit is unknown, not coherent SI, or does not fit its place."""
 
@@ -45,6 +49,8 @@ def _registry() -> Any:
 @lru_cache(maxsize=1024)
 def dimension(unit: str) -> Dimension:
     """Dimension of a unit text such as `N*m/A`; raises `UnitError` when unknown or not coherent SI."""
+    if "**" in _POWER.sub("", unit.replace("^", "**").replace(" ", "")):  # Pint would work 9**9**9 out
+        raise UnitError(f"{unit!r} is not a unit: a power is a plain number of few digits, such as m/s**2")
     try:
         quantity = _registry().parse_expression(unit) if unit.strip() else None
         quantity = _registry().Quantity(quantity)

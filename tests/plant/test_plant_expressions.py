@@ -144,6 +144,28 @@ def test_units_that_are_not_coherent_si_are_refused(unit: str) -> None:
         dimension(unit)
 
 
+@pytest.mark.parametrize(
+    "unit", ["9**9**9", "kg**9 **9 **9", "kg**(9**9**9)", "kg^(9)^9^9", "m**99999", "m**9e9"]
+)
+def test_a_power_that_is_no_small_number_is_never_worked_out(unit: str) -> None:
+    with pytest.raises(UnitError, match="a power is a plain number of few digits"):
+        dimension(unit)
+
+
+@pytest.mark.parametrize(
+    ("unit", "same"),
+    [
+        ("(N*m)/(1)**3", "N*m"),
+        ("m ** 2", "m^2"),
+        ("s**-1", "Hz"),
+        ("(m/s)**2/m", "m/s**2"),
+        ("m**(1/2)", "m**0.5"),
+    ],
+)
+def test_powers_that_are_small_numbers_are_read(unit: str, same: str) -> None:
+    assert dimension(unit) == dimension(same)
+
+
 @given(st.text(max_size=12))
 def test_any_unit_text_is_a_dimension_or_a_refusal(unit: str) -> None:
     try:

@@ -77,18 +77,21 @@ def test_numbers_survive_to_the_bit(value: float, std: float) -> None:
         ({"format": 2}, r"test\.yaml: format: 2 must be 1"),
         ({"colour": "red"}, r"test\.yaml: colour: unknown key; known here: balances, definitions"),
         ({"kind": 3}, r"kind: 3 must be a name"),
-        ({"name": None}, r"plant: None must be a name"),
+        ({"name": None}, r"name: None must be a name"),
+        ({"plant": "another"}, r"name: '\w+' is not what plant says, 'another'"),
+        ({"kind": "equation"}, r"kind = 'equation' is not known; known here: equations, axis"),
         ({"parameters": []}, r"parameters: \[\] must be a mapping"),
         ({"parameters.m.value": "heavy"}, r"parameters\.m\.value = 'heavy' must be a number"),
         ({"parameters.m.value": float("nan")}, r"parameters\.m\.value = nan must be finite"),
         ({"parameters.m.std": -1.0}, r"parameters\.m\.std: -1\.0 must not be negative"),
         ({"parameters.m.unit": "stone"}, r"parameters\.m\.unit: 'stone' is not coherent SI|not a unit"),
         ({"parameters.m.unit": "g"}, r"parameters\.m\.unit: 'g' is not coherent SI.*kg"),
+        ({"parameters.m.unit": "kg**9**9**9"}, r"'kg\*\*9\*\*9\*\*9' is not a unit: a power is"),
         ({"parameters.m": {"value": 1.0}}, r"key parameters\.m\.std is missing"),
         ({"parameters.lambda": {"value": 1.0, "std": 0, "unit": "1"}}, r"'lambda' is not a name"),
         ({"parameters.sin": {"value": 1.0, "std": 0, "unit": "1"}}, r"'sin' has a meaning of its own"),
         ({"parameters.q": {"value": 1.0, "std": 0, "unit": "1"}}, r"states\.q: the name is taken already"),
-        ({"states.q.initial": "nowhere"}, r"states\.q\.initial: 'nowhere' is not known here"),
+        ({"states.q.initial": "nowhere"}, r"states\.q\.initial: 'nowhere' is no start; known: a number, fit, acc"),
         ({"states.q.initial": "m"}, r"states\.q\.initial: `m` has the unit kg, expected m"),
         ({"states.z": {"unit": "m", "initial": 0}}, r"equations: no equation gives the rate of state z"),
         ({"inputs.push_n.interpolation": "cubic"}, r"inputs\.push_n\.interpolation: 'cubic' must be hold or"),
@@ -98,6 +101,8 @@ def test_numbers_survive_to_the_bit(value: float, std: float) -> None:
         ({"equations.kinematics.state": "p"}, r"equations\.kinematics\.state: 'p' is not a state"),
         ({"equations.force_balance.state": "q"}, r"q has a rate already"),
         ({"equations.force_balance.per_force": None}, r"a balance needs per_force"),
+        ({"equations.force_balance.per_force": "0"}, r"per_force: is 0 for v: no force would act on it"),
+        ({"equations.kinematics.per_force": "1 / m"}, r"kinematics\.per_force: stands there without balance: true"),
         ({"equations.force_balance.velocity": "u"}, r"force_balance\.velocity: 'u' is not known here"),
         ({"equations.force_balance.rate": "os.system"}, r"Attribute is not allowed in a formula\n +os\.system\n"),
         ({"outputs.position_m.value": "v"}, r"outputs\.position_m\.value: `v` has the unit"),
@@ -110,6 +115,7 @@ def test_numbers_survive_to_the_bit(value: float, std: float) -> None:
         ({"events": "fire"}, r"events: 'fire' must be a list"),
         ({"sensors": {"position_m": {"range": [1.0, 0.0]}}}, r"position_m\.range: .* must be \[smallest, largest\]"),
         ({"sensors": {"position_m": {"noise_std": -1.0}}}, r"noise_std: -1\.0 must not be negative"),
+        ({"sensors": {"positon_m": {}}}, r"sensors\.positon_m: is no channel of the plant; did you mean 'pos"),
         ({"effects": {}}, r"effects: \{\} must be a list"),
         ({"effects": [{"physics_id": "magic", "parameters": {}}]}, r"physics_id 'magic' is not known"),
     ],
@@ -125,6 +131,17 @@ def test_a_wrong_file_is_refused_with_its_place(change: dict[str, object], words
     with pytest.raises(PlantError, match=words) as caught:
         read_plant(data, "test.yaml")
     assert str(caught.value).startswith("test.yaml: ")
+
+
+@pytest.mark.parametrize("key", ["format", "kind", "name"])
+def test_a_file_that_is_no_plant_says_what_one_has(key: str) -> None:
+    with pytest.raises(PlantError, match=rf"^test\.yaml: {key.replace('name', 'plant')}: is missing; "):
+        read_plant({name: value for name, value in GOOD.items() if name != key}, "test.yaml")
+
+
+def test_a_rig_may_have_sensors_of_what_its_plant_does_not_predict() -> None:
+    data = {**GOOD, "sensors": {"position_2_m": {"noise_std": 1e-3}, "winding_k": {}}}
+    assert set(read_plant(data, "test.yaml").sensors) == {"position_2_m", "winding_k"}
 
 
 def test_what_is_not_linear_where_it_must_be_is_refused() -> None:
