@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ground.diagnose.hop_masks import hop_mask
 from ground.recordings.model import Recording
-from ground.recordings.plant_run import to_run
+from ground.recordings.plant_run import to_run, unread_starts
 from sim_hal.plant.expressions import Name
 from sim_hal.plant.simulate import CompiledPlant, Plant, Run, SimulationError
 from sim_hal.plant.structure import FIT, State
@@ -156,10 +156,14 @@ def head_of_run(run: Run, share: float = 0.03, least: int = 30) -> Run:
 def segments_to_fit(
     recordings: Sequence[Recording], plant: Plant, compiled: CompiledPlant
 ) -> tuple[Segment, ...]:
-    """The stretches that a fit uses: windows of an equation rig that can start at any sample, else whole runs."""
+    """The stretches that a fit uses: windows of an equation rig that can start at any sample, else whole runs.
+
+    A window at whose beginning nothing was measured that tells where it starts is left out.
+    """
     if plant.kind != "equations" or not starts_anywhere(compiled):
         return tuple(segment_of(recording, plant, compiled) for recording in recordings)
-    parts = windows_of(recordings)
+    windows = windows_of(recordings)
+    parts = [part for part in windows if not unread_starts(part.channels, plant)] or windows[:1]
     samples = sum(part.times_s.size for part in parts)
     if samples > MOST_SAMPLES:
         share = MOST_SAMPLES / samples
@@ -208,7 +212,7 @@ def channel_sigmas(
             continue
         values = np.concatenate(pieces)
         sigma = sensor_sigma(recordings, plant, name)
-        floor = MODEL_FLOOR * float(np.nanmax(values) - np.nanmin(values))
+        floor = MODEL_FLOOR * float(spans(values[:, None])[0])
         sigmas[name] = floor if sigma < 0.1 * floor else sigma
     return sigmas
 
