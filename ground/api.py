@@ -68,12 +68,16 @@ def simulate(model: Plant, recording: Recording) -> Recording:
     """What the plant predicts for a recording's run, at its sample times, from inputs, conditions and known start.
 
     A start that the plant leaves to be fitted is read from the recording's first samples, and nothing else that was
-    measured.
+    measured. Raises `RecordingError` for a recording that cannot drive the plant.
     """
+    if recording.times_s.size < 2:
+        raise RecordingError(f"{recording.source or recording.run}: one sample is no run; two are the least")
     compiled = compile_plant(model)
-    sigmas = channel_sigmas([recording], model, compiled.output_names)
+    sigmas = sigma_vector(channel_sigmas([recording], model, compiled.output_names), compiled.output_names)
     segment = segment_of(recording, model, compiled)
-    outputs = predict(model, segment, sigma_vector(sigmas, compiled.output_names))
+    outputs = predict(
+        model, segment, np.where(sigmas > 0.0, sigmas, 1.0)
+    )  # a channel that stands still has none
     channels = {name: outputs[:, i] for i, name in enumerate(compiled.output_names)}
     return replace(
         recording, channels=channels, sensors={}, extra_tables={}, notes=f"predicted by {model.name}"

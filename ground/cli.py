@@ -19,9 +19,9 @@ from ground.campaign_cli import campaign_app
 from ground.data_cli import data_app
 from ground.demo_cli import demo_app
 from ground.diagnose.belonging import belonging
-from ground.diagnose.pipeline import Outcome, diagnose, write_outcome
+from ground.diagnose.pipeline import RESULTS, Outcome, diagnose, write_outcome
 from ground.export_cli import dictionary_app, export_app
-from ground.files import configured
+from ground.files import check_place, configured
 from ground.help_examples import add_examples
 from ground.link_cli import link_app
 from ground.live.command import console_app
@@ -118,6 +118,7 @@ def diagnose_command(
     with console.clear_errors():
         given = load_plant(configured("plant", plant))
         reference = load_plant(configured("plant", compare)) if compare else None
+        check_place(out, RESULTS[0], RESULTS)
         read = api.load(*recordings, mapping=mapping)
         if any(path.is_dir() for path in recordings):  # a folder may hold other rigs' recordings as well
             read, left_out = belonging(read, given)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import tempfile
@@ -20,8 +21,13 @@ def write_atomic(path: Path, content: str | bytes) -> Path:
     Raises `OSError` when the place cannot be written; the neighbour is then removed and `path` is untouched.
     """
     data = content.encode("utf-8") if isinstance(content, str) else content
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, "is a folder; name a file", str(path))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise OSError(error.errno, _why_not(path, error), str(path)) from error
     part = Path(name)
     try:
         with os.fdopen(handle, "wb") as stream:
@@ -32,6 +38,32 @@ def write_atomic(path: Path, content: str | bytes) -> Path:
         part.unlink(missing_ok=True)
         raise
     return path
+
+
+def _why_not(path: Path, error: OSError) -> str:
+    """Why a file or folder cannot be made at a path, without the name of the neighbour that was to become it."""
+    files = [str(parent) for parent in path.parents if parent.is_file()]
+    return (
+        f"cannot be written ({files[0]} is no folder)" if files else f"cannot be written ({error.strerror})"
+    )
+
+
+def check_place(folder: Path, marker: str, results: Iterable[str]) -> None:
+    """Refuse, before long work is begun, a folder that cannot take the files `results` at its end.
+
+    Raises `ConfigError` when it is a file, cannot be written, or holds one of them that is no earlier result's:
+    beside an earlier one stands the file `marker`.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ConfigError(f"{folder}: is a file; name a folder for the results")
+    foreign = [name for name in results if (folder / name).exists()]
+    if foreign and not (folder / marker).is_file():
+        raise ConfigError(f"{folder}: holds a {foreign[0]} that is no earlier result; choose another folder")
+    there = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
+    try:
+        tempfile.TemporaryDirectory(dir=there, prefix=f".{folder.name}.").cleanup()
+    except OSError as error:
+        raise ConfigError(f"{folder}: {_why_not(folder, error)}") from error
 
 
 @contextmanager
@@ -50,7 +82,7 @@ def whole_folder(path: Path, marker: str) -> Iterator[Path]:
         work = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
     except OSError as error:
         _remove_empty(absent)
-        raise ConfigError(f"{path}: cannot be written ({error.strerror})") from error
+        raise ConfigError(f"{path}: {_why_not(path, error)}") from error
     try:
         yield work
         work.chmod(0o755)  # mkdtemp keeps folders private; a result is meant to be read

@@ -40,6 +40,8 @@ def simulate(
         recordings = api.load(like, mapping=mapping)
         if len(recordings) != 1:
             raise RecordingError(f"{like}: holds {len(recordings)} recordings; name the one to simulate")
+        if out.resolve() == like.resolve():
+            raise RecordingError(f"{out}: is the recording that is simulated; choose another name")
         predicted = api.simulate(load_plant(configured("plant", plant)), recordings[0])
         save_recording(predicted, out)
     say_written(out, predicted, as_json)
@@ -79,6 +81,8 @@ def convert(
     """Copy a recording from one container to another, without loss."""
     with console.clear_errors():
         found = load_recording(recording)
+        if out.resolve() == recording.resolve():
+            raise RecordingError(f"{out}: is the recording that is read; choose another name")
         save_recording(found, out)
     say_written(out, found, as_json)
 

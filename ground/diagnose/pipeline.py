@@ -41,6 +41,7 @@ from ground.diagnose.segments import (
 from ground.diagnose.verify import Verified, verify, windowed_rms
 from ground.diagnose.withdraw import withdrawals
 from ground.diagnose.workers import APPROACH, FINAL_TOLERANCE, Workers
+from ground.files import check_place, write_atomic
 from ground.progress import Show, nobody
 from ground.recordings.model import Recording
 from sim_hal.plant.simulate import Plant, compile_plant
@@ -50,6 +51,10 @@ Float = NDArray[np.float64]
 HELD_OUT_SHARE = 0.25
 """Last part of a single recording that the fit never sees."""
 LEAST_SAMPLES = 30
+
+
+RESULTS = ("diagnosis.json", "plant.yaml", "report.html")
+"""What a diagnosis leaves in its folder; the first says that the others are its own."""
 
 
 class DiagnosisError(ValueError):
@@ -99,6 +104,12 @@ def prepare(recordings: Sequence[Recording], plant: Plant) -> Data:
     compiled = compile_plant(plant)
     names = compiled.output_names
     sigmas = channel_sigmas(fitted, plant, names)
+    still = [name for name, sigma in sigmas.items() if not sigma > 0.0]
+    if still:
+        raise DiagnosisError(
+            f"channel {still[0]!r} reads the same in every recording that is fitted, and nothing says how finely: "
+            "state noise_std or resolution under sensors, or leave the channel out"
+        )
     windows = segments_to_fit(held_out, plant, compiled)
     whole = tuple(segment_of(recording, plant, compiled) for recording in held_out)
     if len(recordings) == 1 and not starts_anywhere(compiled):
@@ -146,6 +157,8 @@ def diagnose(
     words for a person.
     """
     data = prepare(recordings, plant)
+    if reference is not None:  # refused now, if it does not go with the recordings, and not after the search
+        segment_of(data.held_out[0], reference, compile_plant(reference))
     outlook = Outlook(show)
     outlook.begin("refit", "refitting the plant's own parameters")
     refit = fit_plant(
@@ -268,12 +281,15 @@ def notes_of(data: Data, plant: Plant, refit: Fit, named: Named) -> tuple[str, .
 
 
 def write_outcome(outcome: Outcome, folder: Path) -> None:
-    """Write diagnosis.json, plant.yaml and report.html, each whole or not at all."""
-    from ground.files import write_atomic
+    """Write diagnosis.json, plant.yaml and report.html, each whole or not at all.
+
+    Raises `ConfigError` where one of them would replace a file that is no earlier diagnosis's.
+    """
     from ground.report.diagnosis_page import write_diagnosis_page
     from ground.typeset import equations_of, mathml
     from sim_hal.plant.simulate import save_plant
 
+    check_place(folder, RESULTS[0], RESULTS)
     folder.mkdir(parents=True, exist_ok=True)
     save_plant(outcome.plant, folder / "plant.yaml")
     text = (folder / "plant.yaml").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ from pathlib import Path
 from ground.files import write_atomic
 from ground.recordings.csv_table import format_table, read_table
 from ground.recordings.model import Recording, RecordingError, Table, is_name
-from ground.recordings.sidecar import format_sidecar, parse_sidecar, read_sidecar
+from ground.recordings.sidecar import Sidecar, format_sidecar, parse_sidecar, read_sidecar
 
 CSV_SUFFIXES = (".csv", ".csv.gz")
 
@@ -101,12 +101,30 @@ def write_csv_pair(recording: Recording, path: Path) -> Path:
     if suffix not in CSV_SUFFIXES:
         raise RecordingError(f"{path}: a CSV recording is written to .csv or .csv.gz")
     sidecar = format_sidecar(recording)
-    parse_sidecar(sidecar, f"{path}: its sidecar")
+    _check_neighbours(path, parse_sidecar(sidecar, f"{path}: its sidecar"))
     for label, table in recording.extra_tables.items():
         _write_table(table, path.with_name(f"{stem}.{label}{suffix}"))
     _write_table(recording, path)
     write_atomic(path.with_name(f"{stem}.yaml"), sidecar)
     return path
+
+
+def _check_neighbours(path: Path, mine: Sidecar) -> None:
+    """Refuse a name whose sidecar would replace a file of another kind, or describe a table of another recording."""
+    beside = path.with_name(f"{stem_of(path)}.yaml")
+    if not beside.is_file():
+        return
+    try:
+        there = read_sidecar(beside)
+    except RecordingError as error:
+        says = f"its sidecar would replace {beside}, which is none; choose another name"
+        raise RecordingError(f"{path}: {says}") from error
+    others = [path.with_name(stem_of(path) + suffix) for suffix in CSV_SUFFIXES]
+    for other in others:
+        if other != path and other.is_file() and repr(there) != repr(mine):
+            raise RecordingError(
+                f"{path}: its sidecar would replace that of {other.name}; choose another name"
+            )
 
 
 def _write_table(table: Table, path: Path) -> None:

@@ -72,7 +72,9 @@ def _check_header(path: Path, header: str) -> list[str]:
     for column, name in enumerate(names):
         where = f"{path}:1:{column + 1}"
         if column == 0 and name != TIME_CHANNEL:
-            raise RecordingError(f"{where}: the first column must be {TIME_CHANNEL!r}, not {name!r}")
+            raise RecordingError(
+                f"{where}: the first column must be {TIME_CHANNEL!r}, not {name!r}{_other_delimiter(header)}"
+            )
         if name in names[:column]:
             raise RecordingError(f"{where}: column {name!r} stands twice")
         if column:
@@ -83,6 +85,16 @@ def _check_header(path: Path, header: str) -> list[str]:
     if len(names) == 1:
         raise RecordingError(f"{path}:1:1: there is no channel beside the time")
     return names
+
+
+def _other_delimiter(header: str) -> str:
+    """What to say of a header whose columns seem to be told apart by something else than commas."""
+    found = [words for mark, words in ((";", "semicolons"), ("\t", "tabs")) if mark in header]
+    return (
+        f" (columns are told apart by commas, not {found[0]}; `hopper import` reads other tables)"
+        if found
+        else ""
+    )
 
 
 def _fast_values(body: str, columns: int) -> Floats | None:
@@ -109,7 +121,8 @@ def _locate(path: Path, body: str, names: list[str]) -> NoReturn:
                 _check_cell(f"{path}:{line}:{column}: column {name!r}", cell)
         if len(cells) != len(names):
             where = f"{path}:{line}:{min(len(cells), len(names)) + 1}"
-            raise RecordingError(f"{where}: the row has {len(cells)} cells, the header {len(names)}")
+            says = f"the row has {len(cells)} cells, the header {len(names)}" if row else "the line is empty"
+            raise RecordingError(f"{where}: {says}")
     raise AssertionError(f"{path}: the table was refused without a reason")
 
 

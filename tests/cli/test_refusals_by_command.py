@@ -6,46 +6,17 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from desk_files import SIDECAR, TABLE
 from hopper_command import hopper, refused
 
 import ground.files
 import ground.mission_run
 import hal.config
 from hal.config import config_root
-
-TABLE = "time_s,force_n,position_m\n0.0,1.0,0.0\n0.1,1.0,0.5\n0.2,1.0,1.5\n"
-SIDECAR = "format: 1\nrun: a\nrig: cart\nkind: axis\n"
-PLANT = """\
-format: 1
-name: cart
-kind: equations
-inputs: {force_n: N}
-states:
-  q: {unit: m, initial: 0}
-  v: {unit: m/s, initial: 0}
-parameters:
-  mass: {value: 2.0, std: 0.2, unit: kg}
-equations:
-  kinematics: {state: q, rate: "v"}
-  balance: {state: v, rate: "force_n / mass", balance: true, per_force: "1 / mass", velocity: v, position: q}
-outputs:
-  position_m: {value: "q"}
-"""
-
-
-@pytest.fixture
-def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder to work in, holding a sound recording and a sound plant, which a refused command must not change."""
-    (tmp_path / "a.csv").write_text(TABLE, encoding="utf-8")
-    (tmp_path / "a.yaml").write_text(SIDECAR, encoding="utf-8")
-    (tmp_path / "cart.yaml").write_text(PLANT, encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    yield tmp_path
-    assert not [path for path in tmp_path.rglob("*") if path.name.startswith(("out", ".out"))]
 
 
 def alter(path: Path, old: str, new: str) -> None:
@@ -221,7 +192,10 @@ def test_an_unknown_name_is_answered_with_the_known_ones(
         (("replay", "a.csv"), "a.csv: is no MCAP file"),
         (("convert", "none.csv", "out.csv"), "none.csv: no such file"),
         (("convert", "a.csv", "out.txt"), "out.txt: a recording is written to .csv, .csv.gz, .mcap"),
-        (("convert", "a.csv", "cart.yaml/out.csv"), "cart.yaml: "),
+        (
+            ("convert", "a.csv", "cart.yaml/out.csv"),
+            "cart.yaml/out.csv: cannot be written (cart.yaml is no folder)",
+        ),
         (
             ("simulate", "--plant", "bb0b_drive", "--like", "a.csv", "--out", "out.csv"),
             "a.csv: kind is 'axis', the plant 'bb0b' is of kind 'drive'",

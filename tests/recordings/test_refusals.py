@@ -61,7 +61,7 @@ def refusal(folder: Path, table: str | bytes = TABLE, sidecar: str | bytes = SID
         ("2.75", "1e999", "a.csv:4:3: column 'v_m_s': '1e999' is not finite"),
         ("1.5,2.5", "1.5", "a.csv:3:3: the row has 2 cells, the header 3"),
         ("1.5,2.5", "1.5,2.5,", "a.csv:3:4: the row has 4 cells, the header 3"),
-        ("0.1,1.5,2.5\n", "\n", "a.csv:3:2: the row has 1 cells, the header 3"),
+        ("0.1,1.5,2.5\n", "\n", "a.csv:3:2: the line is empty"),
         (TABLE, "time_s,x_m,v_m_s\n", "a.csv:2: the file has a header but no samples"),
         (TABLE, "time_s\n0.1\n", "a.csv:1:1: there is no channel beside the time"),
         (TABLE, "", "a.csv:1: the file is empty"),
