@@ -19,6 +19,9 @@ from ground.diagnose.fit import Fit
 from ground.diagnose.result import Alternative, Estimate, Finding, Interval, Verdict
 from ground.diagnose.scoring import whiteness_p
 from ground.diagnose.segments import Segment
+from sim_hal.plant.expressions import to_text
+from sim_hal.plant.simulate import Plant
+from sim_hal.plant.units import dimension, unit_of
 
 Float = NDArray[np.float64]
 
@@ -78,7 +81,7 @@ def statement_of(
     candidate: Candidate, parameters: Mapping[str, Estimate], fit: Fit, segments: Sequence[Segment]
 ) -> str:
     """The effect in words; of parameters that are not told each by itself, the combinations that are."""
-    text = candidate.statement(parameters)
+    text = candidate.statement(parameters) + what_moves(candidate, fit.plant)
     vague = [name for name, e in parameters.items() if untold(e)]
     if not vague:
         return text
@@ -86,6 +89,24 @@ def statement_of(
     return f"{text} These recordings hardly tell {' and '.join(vague)} alone" + (
         f"; they do tell {' and '.join(told)}." if told else "."
     )
+
+
+def what_moves(candidate: Candidate, plant: Plant) -> str:
+    """What speed and position are in an equation in which nothing moves: a tank's level, a temperature."""
+    balance = plant.structure.balances.get(candidate.equation)
+    if (
+        candidate.kind != "physics"
+        or plant.kind != "equations"
+        or balance is None
+        or balance.velocity is None
+    ):
+        return ""
+    units = plant.structure.units()
+    if unit_of(balance.velocity, units) in (dimension("m/s"), dimension("rad/s")):
+        return ""
+    meant = [("speed", balance.velocity), ("position", balance.position)]
+    words = [f"{word} is {to_text(node)}" for word, node in meant if node is not None]
+    return f" Here {' and '.join(words)}."
 
 
 def shared_with_twins(chosen: Chosen, fit: Fit) -> list[tuple[Candidate, float]]:

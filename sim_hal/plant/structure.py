@@ -153,6 +153,7 @@ _FORCE_UNITS = {dimension(unit): unit for unit in _USUAL_UNITS}
 
 
 _DERIVED = ("N", "V")
+_DERIVED_OF_HEAT = ("W", "J")
 
 
 def unit_text(dim: Dimension) -> str:
@@ -162,7 +163,7 @@ def unit_text(dim: Dimension) -> str:
     ways: list[tuple[str | None, int, Dimension]] = [(None, 0, dim)]
     ways += [
         (unit, power, times(dim, dimension(unit), Fraction(-power)))
-        for unit in _DERIVED
+        for unit in (_DERIVED_OF_HEAT if "kelvin" in dict(dim) else _DERIVED)
         for power in (1, -1, 2, -2, 3, -3)
     ]
     texts = {_product(unit, power, rest): len(rest) + (power != 0) for unit, power, rest in ways}
