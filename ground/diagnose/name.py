@@ -24,6 +24,7 @@ from ground.diagnose.accept import (
     significance,
     worthwhile,
 )
+from ground.diagnose.between import interpolation_of, otherwise_driven
 from ground.diagnose.candidates import Candidate, label_of
 from ground.diagnose.chosen import Chosen, Named
 from ground.diagnose.crossval import in_sample
@@ -65,6 +66,9 @@ class Search(Trials):
         while True:
             fits = self.fit_best(current) if len(chosen) < MOST_EFFECTS else []
             best, refused = self.best_of(current, fits)
+            if (driven := self.otherwise_driven(current, best, fits)) is not None:
+                current = driven
+                continue
             passed_over = passed_over or self.other_branch(current, chosen, fits, best, refused)
             if best is None:
                 break
@@ -76,6 +80,19 @@ class Search(Trials):
             current, chosen = self.replace_earlier(current, chosen)
         current, final = self.settled(current, chosen)
         return Named(current, final, refused, tuple(self._screened)), passed_over
+
+    def otherwise_driven(self, current: Fit, best: Chosen | None, fits: Fitted) -> Fit | None:
+        """The plant with its inputs read otherwise between samples, where no effect or a sensor's explains more."""
+        if best is not None and best.candidate.equation != "sensor":
+            return None
+        rival = None
+        if best is not None:
+            fit = next(fit for candidate, fit in fits if candidate is best.candidate)
+            rival = (best.candidate, fit, self.unusual(best.candidate, fit))
+        driven = otherwise_driven(self, current, rival, ACCEPT)
+        if driven is not None:
+            self.outlook.say(f"inputs run between samples as by `{interpolation_of(driven.plant)}`")
+        return driven
 
     def other_branch(
         self,

@@ -15,6 +15,7 @@ WORK = {
     "screen": 4.0,
     "fit": 40.0,
     "replace": 25.0,
+    "between": 10.0,
     "settle": 40.0,
     "verify": 5.0,
 }

@@ -16,6 +16,8 @@ Float = NDArray[np.float64]
 
 CYCLE_STEP = 0.25
 """Spacing of the periods tried, in cycles over the travel: no peak of the spectrum is narrower than one."""
+LEAST_CYCLES = 2.0
+"""What is not seen to repeat along the travel is no ripple, but some smooth law."""
 SAMPLES_PER_CYCLE = 6.0
 """Fewer do not show a cycle."""
 
@@ -28,7 +30,7 @@ def with_periods(
     for force in forces:
         own = found.get(force.equation, {})
         if "P" in own and (period := strongest_period(force)) is not None:
-            own["P"] = min(period, own["X"])
+            own["P"] = min(period, own["X"] / LEAST_CYCLES)
     return found
 
 
@@ -42,7 +44,7 @@ def strongest_period(force: LocatedForce) -> float | None:
     if position is None or np.ptp(position) == 0.0:
         return None
     most = force.times_s.size / SAMPLES_PER_CYCLE
-    cycles = np.arange(1.0, most, CYCLE_STEP)
+    cycles = np.arange(LEAST_CYCLES, most, CYCLE_STEP)
     if cycles.size == 0:
         return None
     return float(np.ptp(position) / cycles[int(np.argmax(spectrum(force, position, cycles)))])

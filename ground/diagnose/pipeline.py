@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.belonging import amount
+from ground.diagnose.between import between_samples
 from ground.diagnose.candidates import label_of
 from ground.diagnose.chosen import Named
 from ground.diagnose.compare import compare_with
@@ -268,6 +269,7 @@ def notes_of(data: Data, plant: Plant, refit: Fit, named: Named) -> tuple[str, .
             f"There was one recording: its last {HELD_OUT_SHARE:.0%} was held out, so what changes from run to run "
             "was not tested. A second recording would."
         )
+    notes += between_samples(plant, named.fit.plant)
     stated = refit.plant.flat()
     for name, value in named.fit.values.items():
         if name in stated and stated[name].std > 0.0:

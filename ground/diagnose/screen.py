@@ -67,10 +67,20 @@ class Absorbed:
         padded = np.vstack([slopes, np.zeros((self.fit.z.size, slopes.shape[1]))])
         return np.asarray(padded - self._q @ (self._q.T @ padded))
 
-    def follow(self, moved: Float) -> Float:
-        """The step of the unknowns, (unknowns,), that best answers a change (rows,) of the residuals."""
+    def left_of(self, moved: Float) -> float:
+        """The cost that is left when the residuals change (rows,) and the unknowns follow."""
+        change = self._changed(moved)
+        followed = self._q.T @ change
+        return float(change @ change - followed @ followed)
+
+    def _changed(self, moved: Float) -> Float:
         change = self.residuals.copy()
         change[: moved.size] += moved
+        return change
+
+    def follow(self, moved: Float) -> Float:
+        """The step of the unknowns, (unknowns,), that best answers a change (rows,) of the residuals."""
+        change = self._changed(moved)
         step = np.zeros(self.fit.z.size)
         step[self.moving] = -np.linalg.lstsq(self._r, self._q.T @ change, rcond=None)[0]
         return step

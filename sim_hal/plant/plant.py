@@ -111,6 +111,16 @@ class Plant:
         check_values(self, use, check_use(self, use))
         return replace(self, effects=(*self.effects, use))
 
+    def with_interpolation(self, interpolation: str) -> Plant:
+        """The plant with all its inputs running otherwise between samples, one of `INTERPOLATIONS`."""
+        inputs = {
+            name: replace(spec, interpolation=interpolation) for name, spec in self.structure.inputs.items()
+        }
+        document = dict(self.document)
+        if "inputs" in document:
+            document["inputs"] = {name: dict(vars(spec)) for name, spec in inputs.items()}
+        return replace(self, structure=replace(self.structure, inputs=inputs), document=document)
+
     def without_effects(self) -> Plant:
         """The plant as it was before any effect was added."""
         return replace(self, effects=())

@@ -9,6 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_hal.plant.between import CUBIC, HOLD, cubic, subdivided
 from sim_hal.plant.engine import Schedule
 from sim_hal.plant.program import Floats
 from sim_hal.plant.structure import Structure
@@ -93,16 +94,20 @@ def _segments(structure: Structure, run: Run, flags: tuple[str, ...]) -> _Segmen
     times = run.times_s
     events = np.array([run.events.get(name, np.inf) for name in flags], dtype=float)
     inside = events[(events > times[0]) & (events < times[-1])]
-    every = np.unique(np.concatenate([times if structure.inputs else times[[0, -1]], inside]))
+    ends = times if structure.inputs else times[[0, -1]]
+    if any(spec.interpolation == CUBIC for spec in structure.inputs.values()):
+        ends = subdivided(times)
+    every = np.unique(np.concatenate([ends, inside]))
     values = np.zeros((len(every), len(structure.inputs)))
     slopes = np.zeros_like(values)
     for column, (name, spec) in enumerate(structure.inputs.items()):
         present = _present(run, name)
-        if spec.interpolation == "hold":
+        if spec.interpolation == HOLD:
             position = np.searchsorted(times[present], every, side="right") - 1
             values[:, column] = run.inputs[name][present][np.maximum(position, 0)]
         else:
-            values[:, column] = np.interp(every, times[present], run.inputs[name][present])
+            between = cubic if spec.interpolation == CUBIC else np.interp
+            values[:, column] = between(every, times[present], run.inputs[name][present])
             slopes[:-1, column] = np.diff(values[:, column]) / np.diff(every)
     keep = _breaks(every, values, slopes, inside)
     return every[keep], values[keep], slopes[keep], events

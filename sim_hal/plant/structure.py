@@ -16,6 +16,7 @@ from typing import Any
 from hal.config import build_settings
 from hal.errors import ConfigError
 from sim_hal.plant import expressions
+from sim_hal.plant.between import LINEAR
 from sim_hal.plant.expressions import ExpressionError, Node, Num, Op
 from sim_hal.plant.units import (
     BOOLEAN,
@@ -57,10 +58,10 @@ class Known:
 
 @dataclass(frozen=True)
 class Input:
-    """A channel that drives the simulation; `interpolation` between samples is hold or linear."""
+    """A channel that drives the simulation; `interpolation` between samples is one of `INTERPOLATIONS`."""
 
     unit: str
-    interpolation: str = "linear"
+    interpolation: str = LINEAR
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from hal.config import config_root, read_yaml
+from sim_hal.plant.between import INTERPOLATIONS
 from sim_hal.plant.expressions import ExpressionError, Name, Node, Num
 from sim_hal.plant.structure import (
     FIT,
@@ -168,8 +169,10 @@ def _read_inputs(reader: Reader) -> dict[str, Input]:
     for name, value in reader.entries("inputs").items():
         entry = Input(value) if isinstance(value, str) else reader.settings(value, Input, f"inputs.{name}")
         reader.unit(entry.unit, f"inputs.{name}.unit")
-        if entry.interpolation not in ("hold", "linear"):
-            reason = f"{entry.interpolation!r} must be hold or linear"
+        if entry.interpolation not in INTERPOLATIONS:
+            reason = (
+                f"{entry.interpolation!r} must be {', '.join(INTERPOLATIONS[:-1])} or {INTERPOLATIONS[-1]}"
+            )
             raise reader.error(f"inputs.{name}.interpolation", reason)
         found[name] = entry
     return found

@@ -94,7 +94,7 @@ def test_numbers_survive_to_the_bit(value: float, std: float) -> None:
         ({"states.q.initial": "nowhere"}, r"states\.q\.initial: 'nowhere' is no start; known: a number, fit, acc"),
         ({"states.q.initial": "m"}, r"states\.q\.initial: `m` has the unit kg, expected m"),
         ({"states.z": {"unit": "m", "initial": 0}}, r"equations: no equation gives the rate of state z"),
-        ({"inputs.push_n.interpolation": "cubic"}, r"inputs\.push_n\.interpolation: 'cubic' must be hold or"),
+        ({"inputs.push_n.interpolation": "sinc"}, r"interpolation: 'sinc' must be hold, linear or cubic"),
         ({"equations.kinematics.rate": "v +"}, r"equations\.kinematics\.rate: not a formula"),
         ({"equations.kinematics.rate": "q"}, r"rate of q: `q` has the unit m, expected m/s"),
         ({"equations.kinematics.rate": "rate(q)"}, r"rate\(…\) may stand in outputs only"),

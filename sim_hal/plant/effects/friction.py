@@ -172,7 +172,7 @@ TORQUE_RIPPLE = Effect(
         Form(
             parameters=(
                 *_RIPPLE,
-                EffectParameter("period", "position", "P", "0.0001 * X", "X", above=0.0),
+                EffectParameter("period", "position", "P", "0.0001 * X", "0.5 * X", above=0.0),
             ),
             force="F_sin * sin(2 * pi * x / period) + F_cos * cos(2 * pi * x / period)",
             needs=("x",),
