@@ -247,3 +247,10 @@ def test_without_the_ground_libraries_it_says_what_to_install(start: Start) -> N
     assert ended.returncode == 1
     assert "need 'typer'; install them with: pip install 'hopper-flight[ground]'" in ended.stderr
     assert "Traceback" not in ended.stderr
+
+
+def test_ctrl_c_while_the_libraries_are_read_ends_in_words(start: Start) -> None:
+    """They take seconds: an import that is interrupted stands here for all of them."""
+    finder = "type('Finder', (), {'find_spec': lambda name, *_: signal.raise_signal(2) if name == 'typer' else None})"
+    ended = start(f"import signal; sys.meta_path.insert(0, {finder})")
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "stopped; nothing was written\n")
