@@ -33,14 +33,18 @@ class MachineCode:
             )
         address = _loaded(_kept(function), f"{function.__module__}.{function.__name__}")
         self._call = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(address)
+        self._step = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)(address)
 
     def __call__(self, *arguments: Any) -> None:
         self._call(self._words(arguments))
 
     def bound(self, *arguments: Any) -> Callable[[], None]:
-        """The call with arguments that stay: a thirtieth of what handing them over takes."""
+        """The call with arguments that stay: a thirtieth of what handing them over takes.
+
+        It is meant for short steps and holds other threads up: to let them run would cost more than it takes.
+        """
         words = self._words(arguments)
-        place, call = ctypes.addressof(words), self._call
+        place, call = ctypes.addressof(words), self._step
 
         def run(_kept: object = (words, arguments)) -> None:
             call(place)
