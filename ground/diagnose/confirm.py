@@ -26,6 +26,8 @@ BLOCKS = 12
 """Stretches of the held-out windows that the comparison is bootstrapped over, at least."""
 WINS = 0.5
 """An effect stays if the held-out stretches are likelier than not to be predicted better with it."""
+SURELY_WORSE = 0.05
+"""It leaves if whole held-out recordings, run free, are less likely than this to be predicted better with it."""
 FELT = 0.1
 """An effect that moves what is predicted by less than this share of the error cannot be judged there; it stays."""
 
@@ -38,29 +40,66 @@ class HeldOutTrial:
     probability: float
 
 
-def confirmed(named: Named, search: Search, held_out: Sequence[Segment]) -> tuple[Named, tuple[str, ...]]:
-    """The search's end without the effects that fail on held-out windows, and the names of those, in words."""
+@dataclass(frozen=True)
+class HeldOutViews:
+    """What no fit saw, as windows that are each anchored anew, and as whole recordings run free from their start.
+
+    Windows judge, for they bear with what no model of the rig knows; but what each window takes for a start that is
+    a little off (a drift, say) may carry the whole recording away: what surely makes that worse is not there.
+    """
+
+    windows: Sequence[Segment]
+    whole: Sequence[Segment]
+
+    @property
+    def views(self) -> tuple[tuple[Sequence[Segment], float], ...]:
+        """The views that differ, each with the least probability of being better that an effect must have there."""
+        free = ((self.whole, SURELY_WORSE),) if len(self.whole) != len(self.windows) else ()
+        return ((self.windows, WINS), *free)
+
+
+def searched(search: Search, refit: Fit, held_out: HeldOutViews) -> tuple[Named, tuple[str, ...]]:
+    """The search's end as far as it is confirmed; where another start fits far better, the better of both ends."""
+    first, passed_over = search.follow(refit, [])
+    best = confirmed(first, search, held_out)
+    if passed_over is None:
+        return best
+    search.outlook.say(f"going back to {label_of(passed_over[1][-1].candidate)}")
+    other = confirmed(search.follow(*passed_over)[0], search, held_out)
+    return other if search.better_of(best[0], other[0]) is other[0] else best
+
+
+def confirmed(named: Named, search: Search, held_out: HeldOutViews) -> tuple[Named, tuple[str, ...]]:
+    """The search's end without the effects that fail on what was held out, and the names of those, in words."""
     failed: list[str] = []
     while named.chosen:
-        present = errors_of(named.fit, held_out, search.workers.context.sigmas)
-        trials = [trial(present, one, held_out, search) for one in named.chosen]
-        lost = [(t.probability, i) for i, t in enumerate(trials) if t.felt and t.probability < WINS]
-        if not lost:
+        worst = next((one for view in held_out.views if (one := failing(named, search, *view))), None)
+        if worst is None:
             break
-        worst = named.chosen[min(lost)[1]]
         search.outlook.say(f"{label_of(worst.candidate)} does not hold on what was held out")
         failed.append(label_of(worst.candidate))
         named = search.again_without(named, worst)
     return named, tuple(failed)
 
 
-def holds(named: Named, search: Search, held_out: Sequence[Segment]) -> bool:
-    """Whether the effect that joined last does not fail on held-out windows."""
+def failing(named: Named, search: Search, view: Sequence[Segment], least: float) -> Chosen | None:
+    """The effect that fails most clearly in one view, its probability of making it better being below `least`."""
+    present = errors_of(named.fit, view, search.workers.context.sigmas)
+    trials = [trial(present, one, view, search) for one in named.chosen]
+    lost = [(t.probability, i) for i, t in enumerate(trials) if t.felt and t.probability < least]
+    return named.chosen[min(lost)[1]] if lost else None
+
+
+def holds(named: Named, search: Search, held_out: HeldOutViews) -> bool:
+    """Whether the effect that joined last does not fail on what was held out."""
     if not named.chosen:
         return True
-    present = errors_of(named.fit, held_out, search.workers.context.sigmas)
-    last = trial(present, named.chosen[-1], held_out, search)
-    return not last.felt or last.probability >= WINS
+    for view, least in held_out.views:
+        present = errors_of(named.fit, view, search.workers.context.sigmas)
+        last = trial(present, named.chosen[-1], view, search)
+        if last.felt and last.probability < least:
+            return False
+    return True
 
 
 def errors_of(fit: Fit, held_out: Sequence[Segment], sigmas: Float) -> list[Float]:

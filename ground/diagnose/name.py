@@ -51,17 +51,8 @@ best one's."""
 class Search(Trials):
     """Forward selection of effects on given segments, with replacement."""
 
-    def run(self, refit: Fit) -> Named:
-        """Add effects one by one until none predicts better; where another start fits far better, from there too."""
-        named, passed_over = self.follow(refit, [])
-        if passed_over is None:
-            return named
-        self.outlook.say(f"going back to {label_of(passed_over[1][-1].candidate)}")
-        other, _ = self.follow(*passed_over)
-        return self.better_of(named, other)
-
     def follow(self, current: Fit, chosen: list[Chosen]) -> tuple[Named, Branch | None]:
-        """From a plant with some effects to the end; and the first branch that was not taken."""
+        """Add effects one by one until none predicts better; and the first branch that was not taken."""
         passed_over: Branch | None = None
         while True:
             fits = self.fit_best(current) if len(chosen) < MOST_EFFECTS else []

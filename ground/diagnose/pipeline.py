@@ -14,7 +14,7 @@ from ground.diagnose.between import between_samples
 from ground.diagnose.candidates import label_of
 from ground.diagnose.chosen import Named
 from ground.diagnose.compare import compare_with
-from ground.diagnose.confirm import confirmed, holds
+from ground.diagnose.confirm import HeldOutViews, holds, searched
 from ground.diagnose.evidence import Evidence, LocatedForce
 from ground.diagnose.findings import findings_of, next_run, unexplained, verdict_of
 from ground.diagnose.fit import Fit, fit_plant
@@ -174,12 +174,13 @@ def diagnose(
         forces = locate(refit, data.windows, data.whole[0], data.sigmas, scales, workers)
         needless = withdrawals(refit, plant, workers) if plant.effects else ()
         search = Search(workers, outlook, plant, with_periods(scales, forces))
-        named, failed = confirmed(search.run(refit), search, data.held_out_windows)
+        unseen = HeldOutViews(data.held_out_windows, data.held_out_whole)
+        named, failed = searched(search, refit, unseen)
         if unexplained(named.fit, data.windows):
             outlook.say("looking for a formula")
             left = locate(named.fit, data.windows, data.whole[0], data.sigmas, scales, workers)
             with_law = with_formula(named, left[0], workers) if left else named
-            named = with_law if holds(with_law, search, data.held_out_windows) else named
+            named = with_law if holds(with_law, search, unseen) else named
         if named.chosen and forces:
             typical = scales[forces[0].equation]["F"]
             task = LocateTask(

@@ -13,7 +13,7 @@ from pushed_mass import pushed_mass
 from ground.diagnose.accept import degenerate
 from ground.diagnose.candidates import Candidate, EffectCandidate, effect_candidates, ranges_of
 from ground.diagnose.chosen import Chosen, Named
-from ground.diagnose.confirm import confirmed, holds
+from ground.diagnose.confirm import HeldOutViews, confirmed, failing, holds
 from ground.diagnose.findings import told_where
 from ground.diagnose.fit import Fit, fit_plant, robust_covariance
 from ground.diagnose.name import Search
@@ -68,10 +68,29 @@ def test_what_was_held_out_confirms_an_effect_that_is_there_and_no_other(
         search = Search(workers, Outlook(), given, workers.context.scales)
         one = Chosen(candidate, 1.0, (), (), (), refit.chi2, absent=refit)
         named = Named(fit, (one,), (), ())
-        kept, failed = confirmed(named, search, data.held_out_windows)
-        assert holds(named, search, data.held_out_windows) == bool(level_n)
+        unseen = HeldOutViews(data.held_out_windows, data.held_out_whole)
+        kept, failed = confirmed(named, search, unseen)
+        assert holds(named, search, unseen) == bool(level_n)
     assert bool(kept.chosen) == bool(level_n)
     assert bool(failed) != bool(level_n)
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_what_no_window_feels_must_not_carry_a_whole_recording_away(tmp_path: Path, there: bool) -> None:
+    """A drift so slow that every window, anchored anew, bears with it; over the whole recording it shows."""
+    given = plant(tmp_path)
+    slow = EffectUse("sensor_drift", "sensor", "position_m", {"drift": Parameter(1.2e-5, 0.0, "m/s")})
+    truth = given.with_effect(slow) if there else given
+    data = prepare(recordings(truth, seed=8, count=4, samples=900), given)
+    refit = fit_plant(given, data.windows, data.sigmas, {})
+    candidate, _ = with_effect("sensor_drift", data, refit)
+    fit = replace(refit, plant=refit.plant.with_effect(slow))
+    one = Chosen(candidate, 1.0, (), (), (), refit.chi2, absent=refit)
+    views = HeldOutViews(data.held_out_windows, data.held_out_whole).views
+    with Workers(data.windows, data.sigmas, find_scales(refit, data.windows), 1) as workers:
+        search = Search(workers, Outlook(), given, workers.context.scales)
+        found = [failing(Named(fit, (one,), (), ()), search, *view) for view in views]
+    assert found == [None, None if there else one]
 
 
 @pytest.mark.parametrize("processes", [1, 2])
