@@ -19,6 +19,8 @@ from ground.diagnose.fit import Fit
 from ground.diagnose.result import Alternative, Estimate, Finding, Interval, Verdict
 from ground.diagnose.scoring import whiteness_p
 from ground.diagnose.segments import Segment
+from ground.diagnose.tension import listed
+from sim_hal.plant.effects.unlisted import PHYSICS_ID as UNLISTED
 from sim_hal.plant.expressions import to_text
 from sim_hal.plant.simulate import Plant
 from sim_hal.plant.units import dimension, unit_of
@@ -60,7 +62,8 @@ def finding_of(
     candidate = chosen.candidate
     parameters = candidate.estimates(fit.plant, fit.values, fit.std)
     rivals = shared_with_twins(chosen, fit)
-    own = next(w for c, w in rivals if c is candidate)
+    known = 1.0 if candidate.physics_id == UNLISTED else listed(fit)
+    own = known * next(w for c, w in rivals if c is candidate)
     return Finding(
         kind=candidate.kind,
         phase=phase_of(candidate, fit),
@@ -70,7 +73,7 @@ def finding_of(
         regime=regime_of(candidate, forces),
         physics_id=candidate.physics_id,
         probability=own,
-        alternatives=tuple(Alternative(c.physics_id, w) for c, w in rivals if c is not candidate),
+        alternatives=tuple(Alternative(c.physics_id, known * w) for c, w in rivals if c is not candidate),
         statement=statement_of(candidate, parameters, fit, segments),
         formula=candidate.formula(fit.plant),
         parameters=parameters,

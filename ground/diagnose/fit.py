@@ -52,7 +52,12 @@ class Fit:
     @property
     def cost(self) -> float:
         """What the fit minimised: chi-square and the squared departures from the tolerances' centres."""
-        return self.chi2 + float(self.prior @ self.z**2)
+        return self.chi2 + self.departure
+
+    @property
+    def departure(self) -> float:
+        """Squared departures from the tolerances' centres, in tolerances, summed."""
+        return float(self.prior @ self.z**2)
 
     @property
     def held(self) -> NDArray[np.bool_]:

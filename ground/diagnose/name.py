@@ -200,9 +200,13 @@ class Search(Trials):
         return Chosen(winner, better, rivals, self._twins.get(winner.key, ()), (), current.chi2), tuple(tried)
 
     def unusual(self, candidate: Candidate, fit: Fit) -> float:
-        """How unlikely a candidate is beforehand, in free parameters; as fitted, it may be at the edge of another."""
+        """How unlikely a candidate is but for the residuals, in free parameters.
+
+        Beforehand; as fitted, where it may be at the edge of another law; and by how far the rig's own parameters
+        must then lie from what is stated.
+        """
         usual = math.log(likelihood_here(candidate, self.given)) / math.log(OCCAM)
-        return degenerate(candidate, fit) - usual
+        return degenerate(candidate, fit) + fit.departure / (2.0 * math.log(OCCAM)) - usual
 
     def replace_earlier(self, current: Fit, chosen: list[Chosen]) -> tuple[Fit, list[Chosen]]:
         """Let a rival take the place of an effect that joined earlier, where the plant then fits clearly better.

@@ -39,6 +39,7 @@ from ground.diagnose.segments import (
     split_last_part,
     starts_anywhere,
 )
+from ground.diagnose.tension import strained
 from ground.diagnose.verify import Verified, verify, windowed_rms
 from ground.diagnose.withdraw import withdrawals
 from ground.diagnose.workers import APPROACH, FINAL_TOLERANCE, Workers
@@ -271,6 +272,7 @@ def notes_of(data: Data, plant: Plant, refit: Fit, named: Named) -> tuple[str, .
             "was not tested. A second recording would."
         )
     notes += between_samples(plant, named.fit.plant)
+    notes += strained(named.fit) if named.chosen else ()
     stated = refit.plant.flat()
     for name, value in named.fit.values.items():
         if name in stated and stated[name].std > 0.0:
