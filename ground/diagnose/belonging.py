@@ -27,11 +27,11 @@ def belonging(recordings: Sequence[Recording], plant: Plant) -> tuple[tuple[Reco
     return tuple(kept), tuple(map(str, reasons))
 
 
-def amount(recordings: Sequence[Recording]) -> str:
-    """How much data there is, and what more of it would bring."""
+def amount(recordings: Sequence[Recording], single: bool = False) -> str:
+    """How much data there is (parts of a `single` recording, or recordings), and what more of it would bring."""
     samples = sum(recording.times_s.size for recording in recordings)
     seconds = sum(float(recording.times_s[-1] - recording.times_s[0]) for recording in recordings)
-    runs = "1 recording" if len(recordings) == 1 else f"{len(recordings)} recordings"
+    runs = "1 recording" if single or len(recordings) == 1 else f"{len(recordings)} recordings"
     return (
         f"Data: {runs}, {samples} samples over {seconds:.4g} s. Half the sigmas take four times as much of the same "
         "kind; what the runs never excite, no amount tells."
