@@ -25,7 +25,8 @@ from sim_hal.plant.plant import (
     find_effect,
 )
 from sim_hal.plant.structure import PlantError, Quantity, Reader
-from sim_hal.plant.structure_file import STRUCTURE_KEYS, check_kind, load_kind, read_structure
+from sim_hal.plant.structure_entries import STRUCTURE_KEYS
+from sim_hal.plant.structure_file import check_kind, load_kind, read_structure
 from sim_hal.plant.units import dimension
 
 FORMAT = 1

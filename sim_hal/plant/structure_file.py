@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -26,82 +26,18 @@ from sim_hal.plant.structure import (
     check_structure,
     unit_text,
 )
-from sim_hal.plant.units import INVERSE, Dimension, dimension, times, unit_of
-
-#: Keys of a structure, beside `parameters`; in a file of `kind: equations` they stand next to them.
-STRUCTURE_KEYS = (
-    "known",
-    "inputs",
-    "events",
-    "flags",
-    "states",
-    "definitions",
-    "memories",
-    "equations",
-    "balances",
-    "friction",
-    "outputs",
+from sim_hal.plant.structure_entries import (
+    BalanceEntry,
+    DefinitionEntry,
+    EquationEntry,
+    FlagEntry,
+    FrictionEntry,
+    MemoryEntry,
+    OutputEntry,
+    PlaceEntry,
+    StateEntry,
 )
-
-
-@dataclass(frozen=True)
-class _StateEntry:
-    unit: str
-    initial: Any
-
-
-@dataclass(frozen=True)
-class _PlaceEntry:
-    """Where a missing force may enter, as a further key of an equation, definition or balance."""
-
-    per_force: Any = None
-    velocity: Any = None
-    position: Any = None
-    load: Any = None
-
-
-@dataclass(frozen=True)
-class _EquationEntry(_PlaceEntry):
-    state: str = ""
-    rate: Any = None
-    balance: bool = False
-
-
-@dataclass(frozen=True)
-class _BalanceEntry(_PlaceEntry):
-    equation: str = ""
-
-
-@dataclass(frozen=True)
-class _DefinitionEntry(_PlaceEntry):
-    value: Any = None
-    unit: str = ""
-    port: bool = False
-    equation: str | None = None
-
-
-@dataclass(frozen=True)
-class _MemoryEntry:
-    unit: str
-    lower: Any
-    initial: Any
-    upper: Any = None
-
-
-@dataclass(frozen=True)
-class _FlagEntry:
-    when: Any
-
-
-@dataclass(frozen=True)
-class _FrictionEntry:
-    forward: Any
-    backward: Any
-
-
-@dataclass(frozen=True)
-class _OutputEntry:
-    value: Any
+from sim_hal.plant.units import INVERSE, Dimension, dimension, times, unit_of
 
 
 def read_structure(
@@ -121,23 +57,23 @@ def read_structure(
         known=_read(reader, "known", Known),
         inputs=_read_inputs(reader),
         events=_read_events(reader),
-        flags=_formulas(reader, "flags", _FlagEntry, "when"),
+        flags=_formulas(reader, "flags", FlagEntry, "when"),
         states={
             key: _state(reader, key, entry, channels)
-            for key, entry in _read(reader, "states", _StateEntry).items()
+            for key, entry in _read(reader, "states", StateEntry).items()
         },
         definitions={
             key: _definition(reader, key, entry)
-            for key, entry in _read(reader, "definitions", _DefinitionEntry).items()
+            for key, entry in _read(reader, "definitions", DefinitionEntry).items()
         },
         memories={
-            key: _memory(reader, key, entry) for key, entry in _read(reader, "memories", _MemoryEntry).items()
+            key: _memory(reader, key, entry) for key, entry in _read(reader, "memories", MemoryEntry).items()
         },
-        outputs=_formulas(reader, "outputs", _OutputEntry, "value"),
+        outputs=_formulas(reader, "outputs", OutputEntry, "value"),
         surface_parameters=surface_parameters,
     )
     structure = _with_first_samples(structure, reader)
-    equations = _read(reader, "equations", _EquationEntry)
+    equations = _read(reader, "equations", EquationEntry)
     structure = replace(structure, rates=_rates(reader, structure, equations))
     structure = replace(structure, balances=_balances(reader, structure, equations))
     structure = replace(structure, friction=_friction(reader, structure))
@@ -187,7 +123,7 @@ def _read_events(reader: Reader) -> tuple[str, ...]:
     return tuple(events)
 
 
-def _state(reader: Reader, key: str, entry: _StateEntry, channels: Mapping[str, Any]) -> State:
+def _state(reader: Reader, key: str, entry: StateEntry, channels: Mapping[str, Any]) -> State:
     if entry.initial == FIT:
         return State(entry.unit, FIT)
     initial = reader.formula(entry.initial, f"states.{key}.initial")
@@ -221,18 +157,18 @@ def _with_first_samples(structure: Structure, reader: Reader) -> Structure:
     return replace(structure, known=known)
 
 
-def _definition(reader: Reader, key: str, entry: _DefinitionEntry) -> Definition:
+def _definition(reader: Reader, key: str, entry: DefinitionEntry) -> Definition:
     return Definition(reader.formula(entry.value, f"definitions.{key}.value"), entry.unit, entry.port)
 
 
-def _memory(reader: Reader, key: str, entry: _MemoryEntry) -> Memory:
+def _memory(reader: Reader, key: str, entry: MemoryEntry) -> Memory:
     place = f"memories.{key}"
     upper = None if entry.upper is None else reader.formula(entry.upper, f"{place}.upper")
     lower = reader.formula(entry.lower, f"{place}.lower")
     return Memory(entry.unit, lower, upper, reader.formula(entry.initial, f"{place}.initial"))
 
 
-def _rates(reader: Reader, structure: Structure, equations: Mapping[str, _EquationEntry]) -> dict[str, Node]:
+def _rates(reader: Reader, structure: Structure, equations: Mapping[str, EquationEntry]) -> dict[str, Node]:
     rates: dict[str, Node] = {}
     for name, entry in equations.items():
         if entry.state not in structure.states:
@@ -244,7 +180,7 @@ def _rates(reader: Reader, structure: Structure, equations: Mapping[str, _Equati
 
 
 def _balances(
-    reader: Reader, structure: Structure, equations: Mapping[str, _EquationEntry]
+    reader: Reader, structure: Structure, equations: Mapping[str, EquationEntry]
 ) -> dict[str, Balance]:
     found: dict[str, Balance] = {}
     for name, entry in equations.items():
@@ -255,7 +191,7 @@ def _balances(
             found[name] = _place(reader, structure, f"equations.{name}", name, name, entry, per_force)
         else:
             _needs_balance(reader, name, entry)
-    for name, between in _read(reader, "balances", _BalanceEntry).items():
+    for name, between in _read(reader, "balances", BalanceEntry).items():
         key = f"balances.{name}"
         if not isinstance(between.per_force, dict) or not between.per_force.keys() <= structure.states.keys():
             raise reader.error(
@@ -266,7 +202,7 @@ def _balances(
             for state, value in between.per_force.items()
         }
         found[name] = _place(reader, structure, key, name, between.equation or name, between, per_force)
-    for name, definition in _read(reader, "definitions", _DefinitionEntry).items():
+    for name, definition in _read(reader, "definitions", DefinitionEntry).items():
         if definition.equation is not None:
             key = f"definitions.{name}"
             found[definition.equation] = replace(
@@ -277,7 +213,7 @@ def _balances(
     return found
 
 
-def _needs_balance(reader: Reader, name: str, entry: _EquationEntry) -> None:
+def _needs_balance(reader: Reader, name: str, entry: EquationEntry) -> None:
     """Refuse an equation that says what a missing force would do in it, and not whether one may be missing."""
     if entry.per_force is not None and "balance" not in reader.entries("equations")[name]:
         raise reader.error(f"equations.{name}.per_force", "stands there without balance: true")
@@ -289,7 +225,7 @@ def _place(
     key: str,
     name: str,
     equation: str,
-    entry: _PlaceEntry,
+    entry: PlaceEntry,
     per_force: Mapping[str, Node],
 ) -> Balance:
     """A balance, its force's unit found from the first rate that the force enters."""
@@ -317,7 +253,7 @@ def _force(state: Dimension, per_force: Dimension) -> Dimension:
 
 def _friction(reader: Reader, structure: Structure) -> tuple[Friction, ...]:
     found = []
-    for name, entry in _read(reader, "friction", _FrictionEntry).items():
+    for name, entry in _read(reader, "friction", FrictionEntry).items():
         if name not in structure.balances or structure.balances[name].velocity is None:
             raise reader.error(f"friction.{name}", "names no balance that has a velocity")
         forward = reader.formula(entry.forward, f"friction.{name}.forward")
