@@ -16,7 +16,7 @@ from ground.diagnose.knots import knot_force
 from ground.diagnose.segments import Segment, spans
 from ground.diagnose.smoothing import Smoothed, StateSpace, smooth
 from ground.diagnose.workers import Context, Workers
-from sim_hal.plant.run import smoothed_start
+from sim_hal.plant.run import bridged, smoothed_start
 from sim_hal.plant.simulate import MISSING_FORCE, CompiledPlant, Plant, compile_plant, probes
 
 Float = NDArray[np.float64]
@@ -101,6 +101,7 @@ def locate_in(fit: Fit, segment: Segment, sigmas: Float, balance: str, typical: 
     """The missing force of one balance; None where it does not act on what was measured."""
     plant = fit.plant.with_values(fit.values)
     segment = without_start(segment, plant)
+    segment = replace(segment, run=bridged(plant.structure, segment.run))
     space = state_space(plant, balance, thinned(segment, STEPS), sigmas, typical)
     coarse = state_space(plant, balance, thinned(segment, SEARCH_STEPS), sigmas, typical)
     duration = segment.run.times_s[-1] - segment.run.times_s[0]

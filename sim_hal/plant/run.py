@@ -102,15 +102,29 @@ def _segments(structure: Structure, run: Run, flags: tuple[str, ...]) -> _Segmen
     slopes = np.zeros_like(values)
     for column, (name, spec) in enumerate(structure.inputs.items()):
         present = _present(run, name)
-        if spec.interpolation == HOLD:
-            position = np.searchsorted(times[present], every, side="right") - 1
-            values[:, column] = run.inputs[name][present][np.maximum(position, 0)]
-        else:
-            between = cubic if spec.interpolation == CUBIC else np.interp
-            values[:, column] = between(every, times[present], run.inputs[name][present])
+        values[:, column] = _between(spec.interpolation, every, times[present], run.inputs[name][present])
+        if spec.interpolation != HOLD:
             slopes[:-1, column] = np.diff(values[:, column]) / np.diff(every)
     keep = _breaks(every, values, slopes, inside)
     return every[keep], values[keep], slopes[keep], events
+
+
+def _between(interpolation: str, at: Floats, times: Floats, samples: Floats) -> Floats:
+    """An input at some times, (k,), from the samples that are there."""
+    if interpolation == HOLD:
+        return np.asarray(samples[np.maximum(np.searchsorted(times, at, side="right") - 1, 0)])
+    return cubic(at, times, samples) if interpolation == CUBIC else np.asarray(np.interp(at, times, samples))
+
+
+def bridged(structure: Structure, run: Run) -> Run:
+    """The run with its inputs' missing samples as the simulation takes them, so that any part of it can be run."""
+    if not any(np.isnan(run.inputs[name]).any() for name in structure.inputs):
+        return run
+    inputs = dict(run.inputs)
+    for name, spec in structure.inputs.items():
+        seen = _present(run, name)
+        inputs[name] = _between(spec.interpolation, run.times_s, run.times_s[seen], inputs[name][seen])
+    return replace(run, inputs=inputs)
 
 
 def _present(run: Run, name: str) -> NDArray[np.bool_]:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
 from sim_hal.plant.between import PARTS, cubic, subdivided
+from sim_hal.plant.run import bridged
 from sim_hal.plant.simulate import Run, compile_plant, load_plant, save_plant
 
 TEXT = """
@@ -88,3 +89,20 @@ def test_missing_samples_are_bridged(tmp_path: Path) -> None:
     gappy[[20, 21, 50, 77]] = np.nan
     whole, bridged = (compiled.run(compiled.values, Run(times, {"push_n": u})) for u in (push, gappy))
     np.testing.assert_allclose(bridged, whole, atol=1e-4)
+
+
+@pytest.mark.parametrize(("kind", "near"), [("hold", 1e-9), ("linear", 1e-9), ("cubic", 1e-4)])
+def test_any_part_of_a_bridged_run_runs_as_the_whole_does(tmp_path: Path, kind: str, near: float) -> None:
+    """Also a part that has no reading of its own: the force that is missing is looked for from sample to sample."""
+    (tmp_path / "rig.yaml").write_text(TEXT, encoding="utf-8")
+    plant = load_plant(tmp_path / "rig.yaml").with_interpolation(kind)
+    compiled = compile_plant(plant)
+    times = 0.1 * np.arange(101)
+    push = np.where(np.isin(np.arange(101), [40, 41, 42]), np.nan, np.sin(times))
+    run = Run(times, {"push_n": push})
+    whole = bridged(plant.structure, run)
+    np.testing.assert_allclose(
+        compiled.run(compiled.values, whole), compiled.run(compiled.values, run), atol=near
+    )
+    part = Run(times[41:42], {"push_n": whole.inputs["push_n"][41:42]})
+    assert np.isfinite(compiled.run(compiled.values, part)).all()
