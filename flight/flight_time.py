@@ -20,7 +20,7 @@ from flight.edge_search import EndOfFlight, Scene, best_edge, look_at_end
 from flight.flight_search import Expectation, NoFlight, Stretch, find_flight
 from flight.flown import FlightFit as FlightFit
 from flight.flown import FlightTime as FlightTime
-from flight.graze import graze
+from flight.graze import graze, undecided
 from flight.heartbeat import Heartbeat, Stalled
 from flight.quality import afterwards, gap_at, has_gap, longest_gap_s
 from flight.record import HopRecord
@@ -44,6 +44,7 @@ _REJECTED_CHI = 60.0
 _REJECTED_BIAS = 0.1  # share of gravity by which the flight may read other than the weight taken away
 _DEGRADED_SIGMA_S = 2e-3
 _REJECTED_SIGMA_S = 5e-3
+_REACH = 1.96  # of a 95 % interval, in sigmas
 
 
 def estimate_flight(
@@ -225,13 +226,15 @@ class _Estimate:
         if not fit.take_off.is_soil:
             sigmas[0] = math.hypot(sigmas[0], _BOUNCING * unseen_s)
             leaving_sigma_s = sigmas[0]
-        if (again := graze(fit.take_off)) is not None:
+        again = graze(fit.take_off)
+        twice = undecided(again, _REACH * _REJECTED_SIGMA_S)
+        if again is not None:
             left_s += again.after_s if again.odds > 0.5 else 0.0
             sigmas[0] = math.hypot(sigmas[0], again.after_s * math.sqrt(min(again.odds, 1.0 - again.odds)))
         sigmas[1] = math.hypot(sigmas[1], self.record.rate_sigma * (edges[1].time_s - edges[0].time_s))
         ends = [edge.ringing.compression(edge.time_s, fit.robot) for edge in edges]
         offset = fit.level.value_m_s2 * self.gain + self.static - self.gravity * self.gain
-        verdict = self._verdict(chi, math.hypot(*sigmas), math.hypot(leaving_sigma_s, sigmas[1]), fit)
+        verdict = self._verdict(chi, math.hypot(*sigmas), math.hypot(leaving_sigma_s, sigmas[1]), fit, twice)
         return FlightTime(
             verdict=verdict,
             reasons=tuple(self.reasons),
@@ -251,8 +254,11 @@ class _Estimate:
             fit=fit,
         )
 
-    def _verdict(self, chi: float, sigma_s: float, left_sigma_s: float, fit: FlightFit) -> str:
-        """`sigma_s`: of the time of flight; `left_sigma_s`: of it, had the foot kept clear once it left."""
+    def _verdict(self, chi: float, sigma_s: float, left_sigma_s: float, fit: FlightFit, twice: str) -> str:
+        """`sigma_s`: of the time of flight; `left_sigma_s`: of it, had the foot kept clear once it left.
+
+        `twice`: why nobody can say whether it did.
+        """
         off = abs(fit.level.value_m_s2) > _REJECTED_BIAS * self.gravity + 5.0 * fit.level.sigma_m_s2
         if off:
             bias = fit.level.value_m_s2
@@ -264,8 +270,8 @@ class _Estimate:
         edges_s = (fit.take_off.time_s, fit.touchdown.time_s)
         gap = gap_at(self.times, dict(zip(("take-off", "touchdown"), edges_s, strict=True)))
         after = afterwards(self.times, self.motion, self.expected, self.noise, edges_s)
-        self.reasons += [reason for reason in (gap, after) if reason]
-        if off or gap or after or chi > _REJECTED_CHI or left_sigma_s > _REJECTED_SIGMA_S:
+        self.reasons += [reason for reason in (gap, after, twice) if reason]
+        if off or gap or after or twice or chi > _REJECTED_CHI or left_sigma_s > _REJECTED_SIGMA_S:
             self.reasons += self.doubts
             return "rejected"
         if has_gap(self.times, -0.02, fit.touchdown.time_s):

@@ -23,6 +23,7 @@ _PATH_M = 1e-5  # what the path may be wrong by beside its speed
 _FAR_SIGMAS = 6.0  # from the ground: such a lowest point is clear of it
 _FEW = 3.0  # samples between leaving and touching: with fewer, a kick rests on what the contact's model got right
 _SPEEDS = 2000  # of touching, over which the odds are summed
+_LEFT_OUT = 0.025  # a 95 % interval leaves a moment out that is less likely
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,19 @@ def graze(edge: Edge) -> Graze | None:
     away_s = held_s - (speeds + slower) / lowest.curve_m_s2
     later_s = float(weights @ away_s / weights.sum()) if touching > 0.0 else 0.0
     return Graze(lowest.after_s + later_s, touching / (touching + math.exp(clear - highest)))
+
+
+def undecided(again: Graze | None, reach_s: float) -> str:
+    """Why the take-off is one of two moments, further apart than an interval may reach; empty where it is one.
+
+    A value and its sigma cannot say that: either moment would be a wrong number.
+    """
+    if again is None or again.after_s <= reach_s or not _LEFT_OUT < again.odds < 1.0 - _LEFT_OUT:
+        return ""
+    return (
+        f"the foot may have touched again, {again.after_s * 1e3:.0f} ms after it left"
+        f" (probability {again.odds:.2f})"
+    )
 
 
 def _lowest(edge: Edge) -> _Lowest | None:
