@@ -60,29 +60,31 @@ def felt_by_body(
     """
     steps, columns = free_depth_m.shape
     # State: extra delta, its rate, extra height of the centre of mass, its rate; then that of the foot, which is
-    # com + (m_b/M) delta.
+    # com + (m_b/M) delta; then the ground's push.
     of_foot = np.array((1.0 - leg_share, 0.0, 1.0, 0.0))
-    move = np.zeros((5, 5))
+    move = np.zeros((5, 6))
     move[:4, :4] = _free_step(step_s, stiffness_1_s2, damping_1_s)
+    move[:4, 5] = move[:4, :4] @ (step_s * np.array((0.0, 1.0, 0.0, leg_share)))
     move[4] = of_foot @ move[:4]
-    impulse = move[:4, :4] @ (step_s * np.array((0.0, 1.0, 0.0, leg_share)))
-    kick = np.append(impulse, of_foot @ impulse)[:, None]
-    states, pushes = np.zeros((steps + 1, 5, columns)), np.zeros((steps, columns))
+    states = np.zeros((steps + 1, 6, columns))
     slope, taken, borne = ground.line()
-    remembers, least = bool(taken.any()), -np.inf if ground.leaving else 0.0
-    deepest = np.maximum(free_depth_m[0], 0.0)
-    for index in range(steps):
-        push, after = pushes[index], states[index + 1]
-        depth = free_depth_m[index] - states[index, 4]
+    remembers, leaving = bool(taken.any()), ground.leaving
+    deepest, depth, less = np.maximum(free_depth_m[0], 0.0), np.empty(columns), np.empty(columns)
+    for free_m, state, after in zip(free_depth_m, states, states[1:, :5], strict=False):
+        push = state[5]
+        np.subtract(free_m, state[4], out=depth)
         np.multiply(slope, depth, out=push)
         if remembers:
             np.maximum(deepest, depth, out=deepest)
-            push -= np.maximum(taken * deepest - borne, least)
+            np.multiply(taken, deepest, out=less)
+            if not leaving:
+                less -= borne
+                np.maximum(less, 0.0, out=less)
+            push -= less
         np.maximum(push, 0.0, out=push)
-        np.matmul(move, states[index], out=after)
-        after += kick * push
+        np.matmul(move, state, out=after)
     # Halfway through the impulse.
-    rate = states[:-1, 1] + 0.5 * step_s * pushes
+    rate = states[:-1, 1] + 0.5 * step_s * states[:-1, 5]
     return np.asarray(leg_share * (stiffness_1_s2 * states[:-1, 0] + damping_1_s * rate), dtype=np.float64)
 
 

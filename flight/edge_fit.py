@@ -187,11 +187,10 @@ def starts(data: EdgeData, tried: Mapping[E, Sequence[float]], most: int, apart_
         )
     order = np.argsort(np.nan_to_num(misses.sum(axis=0), nan=np.inf))
     found: list[Array] = []
-    for ground in grid[order]:
-        if all(abs(ground[E.TIME] - other[E.TIME]) > apart_s for other in found):
-            found.append(np.concatenate((ground, p[len(ground) :])))
-        if len(found) == most:
-            break
+    while order.size and len(found) < most:
+        ground = grid[order[0]]
+        found.append(np.concatenate((ground, p[len(ground) :])))
+        order = order[np.abs(edges_s[order] - ground[E.TIME]) > apart_s]
     return np.array(found)
 
 

@@ -128,5 +128,6 @@ def _free_depth(data: EdgeData, points: Array, grounds: Array, tau: Array) -> Ar
     pole = (1j * points[:, E.OMEGA] - points[:, E.DECAY])[:, None]
     phasor = (points[:, E.COSINE] - 1j * points[:, E.SINE])[:, None]
     there = phasor * np.exp(pole * (edges_s - data.prior_mean[E.TIME])) / (-robot.leg_share * pole**2)
-    swung = (there * (np.exp(pole * data.way * tau) - 1.0)).real
+    turned = np.exp(pole * data.way * tau) - 1.0
+    swung = there.real * turned.real - there.imag * turned.imag
     return np.asarray(-(rise + (1.0 - robot.leg_share) * swung), dtype=np.float64)

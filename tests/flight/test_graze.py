@@ -10,7 +10,7 @@ from two_mass import STEEL, Ground, TwoMassHop
 from flight import settings as flight_settings
 from flight.flight_time import estimate_flight
 from flight.flown import FlightTime
-from flight.graze import Graze, graze, undecided
+from flight.graze import Graze, undecided
 
 SETTINGS = flight_settings.load()
 OPENING_S = 0.0069
