@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from flight.log import McapLog
+from hal.log import call_payload
 
 _END = None
 LOOK_AGAIN_S = 0.01
@@ -24,7 +25,8 @@ LOOK_AGAIN_S = 0.01
 BATCH = 64
 """Messages that are handed over at the latest, should no tick end: several ticks' worth."""
 
-Message = tuple[str, float, Mapping[str, Any]]
+Message = tuple[Any, ...]
+"""Topic, time [s] and payload; or, of a call of a device, topic, time [s] and the parts of its payload."""
 
 
 class BackgroundLog:
@@ -47,15 +49,21 @@ class BackgroundLog:
 
     def write(self, topic: str, time_s: float, payload: Mapping[str, Any]) -> None:
         """Queue one message; once there is a `problem`, it is dropped."""
+        self._take(topic, time_s, payload)
+
+    def _take(self, *message: Any) -> None:
         if self.problem:
             return
         if self._taken - self._done >= self._most and not self._waited_for_room():
             self.problem = f"{self._most} messages wait for a disc that is too slow"
             return
         self._taken += 1
-        self._batch.append((topic, time_s, payload))
+        self._batch.append(message)
         if len(self._batch) >= BATCH:
             self.tick_done()
+
+    write_call = _take
+    """Queue one call of a device (`hal.log.CallWriter`): its message is made when it is written."""
 
     def tick_done(self) -> None:
         """Let the thread write what has come since this was called last."""
@@ -88,11 +96,14 @@ class BackgroundLog:
                 if (
                     not self._broken
                 ):  # what waited for a slow disc is still written: there is no hole before it
-                    self._try(self._log.write, *message)
+                    self._try(self._write, *message)
                 self._done += 1
                 if not self._room.is_set():
                     self._room.set()
         self._try(self._log.close)
+
+    def _write(self, topic: str, time_s: float, *said: Any) -> None:
+        self._log.write(topic, time_s, said[0] if len(said) == 1 else call_payload(*said))
 
     def _try(self, act: Callable[..., None], *arguments: Any) -> None:
         try:

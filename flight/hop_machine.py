@@ -68,8 +68,7 @@ def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Mach
     drawn_a = max(snap.motor_current_a, 0.0)
     compression_m, unloaded_ticks, loaded = _load(machine, snap, travel_m, settings)
     same_current, same_force = _sameness(machine, snap, running=followed)
-    return changed(
-        machine,
+    return machine._replace(
         compression_m=compression_m,
         unloaded_ticks=unloaded_ticks,
         loaded=loaded,

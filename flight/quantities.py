@@ -41,7 +41,7 @@ def _disobedience_v(machine: Machine, snap: Snapshot, settings: FlightSettings) 
     if snap.time_s - older_s > settings.safety.firing_age_s:
         return None
     voltage_v = machine.voltage_v
-    if snap.supply_v is not None:
+    if snap.supply_v is not None and not abs(voltage_v) <= snap.supply_v:
         most_v = max(snap.supply_v, 0.0)
         voltage_v = max(-most_v, min(most_v, voltage_v))
     return tensioning.disobedience_v(voltage_v, snap.motor_current_a, machine.speed_m_s, settings.drive)

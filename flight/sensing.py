@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 from flight.record import HopRecorder
-from flight.states import Event, Snapshot
+from flight.states import SENSORS, Event, Snapshot
 from hal.board import Board
 from hal.errors import ReadFailed
 from hal.readings import (
@@ -18,9 +18,6 @@ from hal.readings import (
     Switches,
 )
 
-T = TypeVar("T")
-
-
 _NEVER = float("-inf")
 
 
@@ -28,7 +25,10 @@ class Senses:
     """The newest readings. A sensor whose read fails keeps its old value *and its old time*: it ages."""
 
     def __init__(self, board: Board, recorder: HopRecorder) -> None:
-        self._board, self._recorder = board, recorder
+        self._recorder = recorder
+        self._reads: list[tuple[str, Callable[[], Any]]] = [
+            (name, getattr(board, name).read) for name in SENSORS
+        ]
         self._motor, self._nut = MotorCurrent(_NEVER, 0.0), NutPosition(_NEVER, 0.0)
         self._switches = Switches(_NEVER, False, False)
         self._spring = SpringCompression(
@@ -37,21 +37,17 @@ class Senses:
         self._magnet = MagnetCurrent((_NEVER,), (0.0,))
         self._force = SpecificForce((_NEVER,), (0.0,))
         self._failing: set[str] = set()
-        self._failed = 0
 
     def snapshot(self, now_s: float, late_s: float, **known: Any) -> tuple[Snapshot, list[Event]]:
         """Read all sensors; returns what is known, and an event for each that fails or recovers.
 
         `known` are the fields of `Snapshot` that no sensor tells.
         """
-        events: list[Event] = []
-        board, self._failed = self._board, 0
-        self._motor = motor = self._try("motor_current", board.motor_current.read, events) or self._motor
-        self._nut = nut = self._try("nut_encoder", board.nut_encoder.read, events) or self._nut
-        self._switches = switches = self._try("switches", board.switches.read, events) or self._switches
-        new_spring = self._try("spring", board.spring.read, events)
-        new_magnet = self._try("magnet_current", board.magnet_current.read, events)
-        new_force = self._try("accelerometer", board.accelerometer.read, events)
+        new, failed, events = self._read()
+        new_motor, new_nut, new_switches, new_spring, new_magnet, new_force = new
+        self._motor = motor = new_motor or self._motor
+        self._nut = nut = new_nut or self._nut
+        self._switches = switches = new_switches or self._switches
         self._recorder.add(new_force, new_spring, new_magnet, now_s)
         self._spring = spring = new_spring if new_spring and new_spring.times_s else self._spring
         self._magnet = magnet = new_magnet if new_magnet and new_magnet.times_s else self._magnet
@@ -77,21 +73,27 @@ class Senses:
             },
             tick_late_s=late_s,
             supply_v=motor.supply_v,
-            failed_reads=self._failed,
+            failed_reads=failed,
             **known,
         )
         return snap, events
 
-    def _try(self, name: str, read: Callable[[], T], events: list[Event]) -> T | None:
-        try:
-            reading = read()
-        except ReadFailed as error:
-            self._failed += 1
-            if name not in self._failing:
-                events.append(Event("read_failed", {"sensor": name, "error": str(error)}))
-            self._failing.add(name)
-            return None
-        if name in self._failing:
-            self._failing.discard(name)
-            events.append(Event("read_recovered", {"sensor": name}))
-        return reading
+    def _read(self) -> tuple[list[Any], int, list[Event]]:
+        """The new readings in the order of `SENSORS`, None where a read failed; how many did, and what to tell."""
+        readings: list[Any] = []
+        failing, failed, events = self._failing, 0, []
+        for name, read in self._reads:
+            try:
+                reading = read()
+            except ReadFailed as error:
+                failed += 1
+                if name not in failing:
+                    events.append(Event("read_failed", {"sensor": name, "error": str(error)}))
+                failing.add(name)
+                reading = None
+            else:
+                if name in failing:
+                    failing.discard(name)
+                    events.append(Event("read_recovered", {"sensor": name}))
+            readings.append(reading)
+        return readings, failed, events

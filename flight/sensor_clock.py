@@ -60,7 +60,7 @@ class SensorClock:
         self._stamps += x
         self._reads += y
         while len(hull) > 1:
-            (first_x, first_y), (last_x, last_y) = hull[-2:]
+            (first_x, first_y), (last_x, last_y) = hull[-2], hull[-1]
             if (last_x - first_x) * (y - first_y) - (last_y - first_y) * (x - first_x) > 0.0:
                 break
             hull.pop()

@@ -84,7 +84,7 @@ class DriveSettings:
     homing_speed_m_s: Positive
     latch_check_speed_m_s: Positive
 
-    @property
+    @cached_property
     def travel_per_radian_m(self) -> float:
         """Nut travel per motor angle, r = p/(2 pi N)."""
         return self.screw_lead_m / (2.0 * math.pi * self.gear_ratio)

@@ -61,8 +61,8 @@ def _device_calls(device: str, protocol: type) -> dict[str, Call]:
     return calls
 
 
-Answer = Callable[[dict[str, Any]], Any]
-"""What answers one call, given its arguments by name."""
+Answer = Callable[..., Any]
+"""What answers one call, given its arguments as the caller gives them."""
 
 
 class ContractDevice:
@@ -72,23 +72,13 @@ class ContractDevice:
         self._properties = {name: answering(call) for name, call in calls.items() if call.is_property}
         for name, call in calls.items():
             if not call.is_property:
-                setattr(self, name, _method(call, answering(call)))
+                setattr(self, name, answering(call))
 
     def __getattr__(self, name: str) -> Any:
         answer = self.__dict__.get("_properties", {}).get(name)
         if answer is None:
             raise AttributeError(f"the device has no {name!r} in its contract")
-        return answer({})
-
-
-def _method(call: Call, answer: Answer) -> Callable[..., Any]:
-    def method(*positional: Any, **named: Any) -> Any:
-        return answer(call.arguments(positional, named))
-
-    def bare(*positional: Any, **named: Any) -> Any:  # most calls
-        return answer(call.arguments(positional, named) if positional or named else {})
-
-    return method if call.parameters else bare
+        return answer()
 
 
 def to_plain(value: Any) -> Any:

@@ -51,6 +51,28 @@ def tick_end_of(log: LogSink) -> Callable[[], None]:
     return told
 
 
+CallWriter = Callable[[str, float, str, Mapping[str, Any], Any], None]
+"""Records a call of a device: topic, time [s], method, arguments by name, result."""
+
+
+def call_writer_of(log: LogSink) -> CallWriter:
+    """What records calls of devices, several in each tick: the sink's own `write_call`, else `write` of the message.
+
+    A sink that does not write at once may keep the parts of a call, and make a message of them when it does.
+    """
+
+    def write_call(topic: str, time_s: float, method: str, arguments: Mapping[str, Any], result: Any) -> None:
+        log.write(topic, time_s, call_payload(method, arguments, result))
+
+    own: CallWriter = getattr(log, "write_call", write_call)
+    return own
+
+
+def call_payload(method: str, arguments: Mapping[str, Any], result: Any) -> dict[str, Any]:
+    """The message of a call that was answered."""
+    return {"method": method, "arguments": arguments, "result": result}
+
+
 def _nothing() -> None:
     """Tell nobody."""
 

@@ -11,7 +11,6 @@ import contextlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import hal.errors
@@ -56,7 +55,7 @@ class ReplayTape:
 
     def answering(self, call: Call) -> Answer:
         """What answers a call from the tape."""
-        return partial(self.call, call)
+        return lambda *positional, **named: self.call(call, call.arguments(positional, named))
 
     def call(self, call: Call, arguments: Mapping[str, Any]) -> Any:
         """The recorded outcome of the next message, which must be this call with these arguments."""

@@ -12,13 +12,15 @@ least, and goes on record as the mapping of its fields.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
 from hal.board import Board
 from hal.calls import Answer, Call, ContractDevice, board_calls
-from hal.log import LogSink
+from hal.log import LogSink, call_writer_of
+
+NO_ARGUMENTS: Mapping[str, Any] = {}
 
 
 def tap_board(board: Board, log: LogSink) -> Board:
@@ -38,7 +40,7 @@ class _Recorder:
     """Writes calls to the log, dated by the last time that the clock gave out (it is not asked for more)."""
 
     def __init__(self, log: LogSink) -> None:
-        self._log = log
+        self._log, self._write_call = log, call_writer_of(log)
         self._time_s = 0.0
 
     def around(self, device: Any) -> Callable[[Call], Answer]:
@@ -46,28 +48,37 @@ class _Recorder:
         return partial(self._answering, device)
 
     def _answering(self, device: Any, call: Call) -> Answer:
-        topic, method, is_property, of_clock, write = (
-            call.device,
-            call.method,
-            call.is_property,
-            call.device == "clock",
-            self._log.write,
-        )
+        topic, method, of_clock, write = call.device, call.method, call.device == "clock", self._write_call
+        member = partial(getattr, device, method) if call.is_property else getattr(device, method)
 
-        def answer(arguments: dict[str, Any]) -> Any:
+        def bare() -> Any:  # most calls
             try:
-                member = getattr(device, method)
-                result = member if is_property else member(**arguments)
+                result = member()
             except BaseException as error:  # an interrupt ends the flight too: it belongs on record
-                told = {"method": method, "arguments": arguments, "error": describe_error(error)}
-                write(topic, self._time_s, told)
+                self._write_failed(call, NO_ARGUMENTS, error)
                 raise
             if of_clock:
-                self._time_s = max(self._time_s, result if result is not None else arguments["time_s"])
-            write(topic, self._time_s, {"method": method, "arguments": arguments, "result": result})
+                self._time_s = max(self._time_s, result)
+            write(topic, self._time_s, method, NO_ARGUMENTS, result)
             return result
 
-        return answer
+        def told(*positional: Any, **named: Any) -> Any:
+            arguments = call.arguments(positional, named)
+            try:
+                result = member(**arguments)
+            except BaseException as error:
+                self._write_failed(call, arguments, error)
+                raise
+            if of_clock:
+                self._time_s = max(self._time_s, arguments["time_s"])
+            write(topic, self._time_s, method, arguments, result)
+            return result
+
+        return told if call.parameters else bare
+
+    def _write_failed(self, call: Call, arguments: Mapping[str, Any], error: BaseException) -> None:
+        told = {"method": call.method, "arguments": arguments, "error": describe_error(error)}
+        self._log.write(call.device, self._time_s, told)
 
 
 def describe_error(error: BaseException) -> dict[str, Any]:
