@@ -24,6 +24,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.bench.parts import GROWTHS, PARTS
+from benchmarks.bench.readme import with_table
 from benchmarks.bench.rows import Growth, Row
 from ground.files import write_atomic
 
@@ -31,6 +32,7 @@ HEADERS = ("what", "ours: median (range)", "unit", "peer", "peer: median (range)
 GROWTH_HEADERS = ("cost against", "size: time", "exponent")
 NAMED = ("hopper-flight", "numpy", "scipy", "numba", "mujoco", "pysindy", "mcap", "llvmlite")
 PAGE = Path(__file__).resolve().parents[1] / "results.md"
+README = PAGE.parents[1] / "README.md"
 
 
 def main() -> None:
@@ -38,7 +40,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--out", type=Path, help="the table, as markdown; default of a whole run: results.md")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        help="the table, as markdown; default of a whole run: results.md, and short the README",
+    )
     parser.add_argument("--json", type=Path, help="write the figures here")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--parts", default=",".join((*PARTS, *GROWTHS)))
@@ -55,9 +61,12 @@ def main() -> None:
             growths += GROWTHS[name](given.repeats)
     show(HEADERS[:-1], [row.cells[:-1] for row in rows])
     show(GROWTH_HEADERS, [growth.cells for growth in growths])
-    out = given.out or (PAGE if {*parts} == {*PARTS, *GROWTHS} else None)
-    if out:
-        write_atomic(out, page(rows, growths))
+    text = page(rows, growths)
+    if given.out:
+        write_atomic(given.out, text)
+    elif {*parts} == {*PARTS, *GROWTHS}:
+        write_atomic(PAGE, text)
+        write_atomic(README, with_table(README.read_text(encoding="utf-8"), text))
     if given.json:
         write_atomic(given.json, json.dumps({"figures": figures(rows, growths)}, indent=1) + "\n")
 

@@ -148,7 +148,8 @@ def estimates(repeats: int) -> list[Row]:
     if bounded:
         error, bound = _rms([o.flight_error_ms for o in bounded]), _rms([1e3 * o.bound_s for o in bounded])
         note = f"rms of {len(bounded)} nominal hops; no unbiased estimator is below the bound"
-        rows.append(Row("time of flight: error", "ms", (error,), "information bound", (bound,), note=note))
+        name = "time of flight: error, nominal hops"
+        rows.append(Row(name, "ms", (error,), "information bound", (bound,), note=note))
     return rows
 
 

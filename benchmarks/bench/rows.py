@@ -39,7 +39,7 @@ class Row:
     @property
     def cells(self) -> tuple[str, ...]:
         """As the table shows it."""
-        ratio = "–" if self.ratio is None else f"{self.ratio:.3g} ×"
+        ratio = "–" if self.ratio is None else f"{plain(self.ratio, 3)} ×"
         return (
             self.name,
             spread(self.ours),
@@ -83,8 +83,17 @@ def spread(values: Sequence[float]) -> str:
     """Median and the range of all."""
     if not values:
         return "–"
-    middle = f"{np.median(values):.4g}"
-    return middle if len(values) == 1 else f"{middle} ({min(values):.3g} to {max(values):.3g})"
+    middle = plain(float(np.median(values)), 4)
+    return middle if len(values) == 1 else f"{middle} ({plain(min(values), 3)} to {plain(max(values), 3)})"
+
+
+def plain(value: float, digits: int) -> str:
+    """So many digits, without an exponent where the number is large, in groups of three from ten thousand on."""
+    short = f"{value:.{digits}g}"
+    if abs(value) < 1000.0:
+        return short
+    whole = f"{float(short):,.0f}"
+    return whole.replace(",", "\N{NO-BREAK SPACE}" if abs(value) >= 10_000.0 else "")
 
 
 def seconds(job: Job) -> float:

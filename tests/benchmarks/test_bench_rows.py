@@ -9,11 +9,13 @@ import pytest
 from benchmarks.bench.__main__ import figures, page
 from benchmarks.bench.logs import as_library, as_lines, as_ours, as_table
 from benchmarks.bench.numba_hop import numba_hop
-from benchmarks.bench.rows import Growth, Row
+from benchmarks.bench.readme import BEGIN, END, short_table, with_table
+from benchmarks.bench.rows import Growth, Row, plain
 from benchmarks.hop_peers import Rig, by_scipy
 from flight.log import read_log
 from hal.log import LogMessage
 
+ROOT = Path(__file__).resolve().parents[2]
 RIG = Rig(m_b=4.9, m_l=0.6, g=9.81, k=30600.0, c=20.0, k_l=90000.0, chi=0.8, s=0.03)
 
 
@@ -38,6 +40,33 @@ def test_the_page_names_what_is_behind_its_peer_and_why() -> None:
     assert "- a against p: it does more" in text
     assert "- b against" not in text
     assert figures(rows, [])["a beside p: ratio"] == {"value": 0.5, "unit": "1"}
+
+
+def test_the_readme_shows_what_the_page_says() -> None:
+    rows = [
+        Row("a", "1/s", (41000.0, 42000.0), "p", (1.0,), gain=True),
+        Row("a", "1/s", (41500.0,), "q", (2.0,)),
+    ]
+    table = short_table(page([*rows, Row("b", "1", (0.5,))], []))
+    assert (
+        "| a | 41\N{NO-BREAK SPACE}500 1/s | p: 41\N{NO-BREAK SPACE}500 ×; q: 4.82e-05 × |\n| b | 0.5 | – |"
+        in table
+    )
+    assert with_table(f"x\n{BEGIN}old\n{END}y\n", page(rows, [])).startswith(f"x\n{BEGIN}| measured | here |")
+    with pytest.raises(ValueError, match=r"README\.md: has no lines"):
+        with_table("x\n", page(rows, []))
+    assert [plain(value, 3) for value in (0.01234, 12.34, 1234.5, 1.2345e5, -2.0e4)] == [
+        "0.0123",
+        "12.3",
+        "1230",
+        "123\N{NO-BREAK SPACE}000",
+        "-20\N{NO-BREAK SPACE}000",
+    ]
+
+
+def test_the_readme_shows_the_page_in_the_repository() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert short_table((ROOT / "benchmarks" / "results.md").read_text(encoding="utf-8")) in readme
 
 
 def test_the_numba_hop_is_that_of_scipy() -> None:
