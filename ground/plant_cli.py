@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from ground import console
+from ground.diagnose.unlike_units import unstated_units
 from ground.files import configured
 from ground.recordings_cli import Json
 from ground.report.page import Page
@@ -36,6 +37,8 @@ def check(
     console.table(f"{plant.name} ({plant.kind}): sound", HEADERS, parameter_rows(plant))
     for name, balance in plant.structure.balances.items():
         console.say(f"a missing force may enter {name}, in {balance.unit}")
+    for note in unstated_units(plant):
+        console.say(note)
 
 
 @plant_app.command()

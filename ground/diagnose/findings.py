@@ -23,7 +23,7 @@ from ground.diagnose.tension import listed
 from sim_hal.plant.effects.unlisted import PHYSICS_ID as UNLISTED
 from sim_hal.plant.expressions import to_text
 from sim_hal.plant.simulate import Plant
-from sim_hal.plant.units import dimension, unit_of
+from sim_hal.plant.units import dimension, sound_unit_of
 
 Float = NDArray[np.float64]
 
@@ -105,7 +105,7 @@ def what_moves(candidate: Candidate, plant: Plant) -> str:
     ):
         return ""
     units = plant.structure.units()
-    if unit_of(balance.velocity, units) in (dimension("m/s"), dimension("rad/s")):
+    if sound_unit_of(balance.velocity, units) in (dimension("m/s"), dimension("rad/s")):
         return ""
     meant = [("speed", balance.velocity), ("position", balance.position)]
     words = [f"{word} is {to_text(node)}" for word, node in meant if node is not None]

@@ -40,7 +40,7 @@ from ground.diagnose.segments import (
     starts_anywhere,
 )
 from ground.diagnose.tension import strained
-from ground.diagnose.unlike_units import unlike_units
+from ground.diagnose.unlike_units import unlike_units, unstated_units
 from ground.diagnose.verify import Verified, verify, windowed_rms
 from ground.diagnose.withdraw import withdrawals
 from ground.diagnose.workers import APPROACH, FINAL_TOLERANCE, Workers
@@ -266,7 +266,11 @@ def conclude(
 
 def notes_of(data: Data, plant: Plant, refit: Fit, named: Named) -> tuple[str, ...]:
     """What a reader must keep in mind."""
-    notes = [*unlike_units(plant, data.whole), amount((*data.fitted, *data.held_out), data.single)]
+    notes = [
+        *unlike_units(plant, data.whole),
+        *unstated_units(plant),
+        amount((*data.fitted, *data.held_out), data.single),
+    ]
     notes += needed(named.chosen, plant)
     if data.single:
         notes.append(

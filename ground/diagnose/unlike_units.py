@@ -9,6 +9,7 @@ import numpy as np
 
 from ground.diagnose.segments import Segment
 from sim_hal.plant.simulate import Plant, SimulationError, compile_plant
+from sim_hal.plant.structure import bare_numbers
 from sim_hal.plant.units import channel_unit
 
 PARTS = {1e3: "thousandths", 1e6: "millionths", 100.0: "hundredths"}
@@ -33,6 +34,15 @@ def unlike_units(plant: Plant, whole: Sequence[Segment]) -> tuple[str, ...]:
                     f"with it: are these {words}, not {unit}? A mapping converts units (`hopper import`)."
                 )
     return tuple(notes)
+
+
+def unstated_units(plant: Plant) -> tuple[str, ...]:
+    """What a reader should check: numbers in the plant's formulas that stand for something with a unit."""
+    return tuple(
+        f"The plant file has a number without a unit, taken as it stands in SI units ({place}); as a parameter it "
+        "would be checked, and could have a tolerance."
+        for place in bare_numbers(plant.structure)
+    )
 
 
 def mistakes(unit: str) -> Iterator[tuple[float, str]]:

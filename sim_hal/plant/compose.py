@@ -24,8 +24,8 @@ from sim_hal.plant.units import (
     channel_unit,
     check_formula,
     dimension,
+    sound_unit_of,
     times,
-    unit_of,
 )
 
 
@@ -241,7 +241,7 @@ def _unit_tokens(plant: Plant, use: EffectUse, balance: Balance | None) -> dict[
         tokens["force"] = f"({balance.unit})"
         for name, node in (("velocity", balance.velocity), ("position", balance.position)):
             if node is not None:
-                tokens[name] = f"({unit_text(unit_of(node, symbols) or PURE)})"
+                tokens[name] = f"({unit_text(sound_unit_of(node, symbols) or PURE)})"
     if use.channel is not None:
         tokens["channel"] = f"({channel_unit(use.channel)})"
     return tokens
@@ -279,14 +279,14 @@ def _effect_symbols(
     symbols = plant.structure.units()
     if balance is not None:
         places = _places(plant.structure, balance)
-        symbols = symbols | {name: unit_of(node, symbols) or PURE for name, node in places.items()}
+        symbols = symbols | {name: sound_unit_of(node, symbols) or PURE for name, node in places.items()}
     if use.channel is not None:
         symbols["y"] = symbols[FILTERED] = dimension(channel_unit(use.channel))
     symbols |= {name: dimension(unit) for name, unit in place_units(plant, use, form).items()}
     symbols |= {name: dimension(item.unit) for name, item in form.states.items()}
     symbols |= {name: dimension(item.unit) for name, item in form.memories.items()}
     for name, text in form.local.items():
-        symbols[name] = unit_of(parse(text), symbols) or PURE
+        symbols[name] = sound_unit_of(parse(text), symbols) or PURE
     return symbols
 
 

@@ -25,6 +25,7 @@ from sim_hal.plant.units import (
     UnitError,
     channel_unit,
     check_formula,
+    check_unit,
     dimension,
     times,
 )
@@ -282,6 +283,27 @@ def check_structure(structure: Structure, reader: Reader) -> None:
     except ValueError as error:
         raise reader.error("definitions", f"refer to each other in a circle: {error}") from None
     _check_units(structure, reader)
+
+
+class _Notes(Reader):
+    """Notes which formulas fit their place only if a number in them has a unit."""
+
+    def __init__(self) -> None:
+        super().__init__({}, "")
+        self.found: list[str] = []
+
+    def check(self, node: Node, symbols: Mapping[str, Dimension], expected: Dimension, key: str) -> None:
+        try:
+            check_unit(node, symbols, expected)
+        except ExpressionError as error:
+            self.found.append(f"{key}: {error.reason}")
+
+
+def bare_numbers(structure: Structure) -> tuple[str, ...]:
+    """Where a sound structure's formulas have numbers whose units nothing states, and what does not fit without."""
+    notes = _Notes()
+    _check_units(structure, notes)
+    return tuple(notes.found)
 
 
 def _check_units(structure: Structure, reader: Reader) -> None:

@@ -37,7 +37,7 @@ from sim_hal.plant.structure_entries import (
     PlaceEntry,
     StateEntry,
 )
-from sim_hal.plant.units import INVERSE, Dimension, dimension, times, unit_of
+from sim_hal.plant.units import INVERSE, Dimension, dimension, sound_unit_of, times
 
 
 def read_structure(
@@ -235,7 +235,7 @@ def _place(
         if node == Num(0.0):
             raise reader.error(f"{key}.per_force", f"is 0 for {state}: no force would act on it")
         try:
-            found = unit_of(node, symbols) or ()
+            found = sound_unit_of(node, symbols) or ()
         except ExpressionError as error:
             raise reader.error(f"{key}.per_force", str(error)) from None
         unit = unit or unit_text(_force(symbols[state], found))

@@ -7,6 +7,7 @@ Pint reads the unit texts; the check itself works on exponents of base dimension
 from __future__ import annotations
 
 import difflib
+import math
 import re
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
@@ -20,6 +21,11 @@ Dimension = tuple[tuple[str, Fraction], ...]
 PURE: Dimension = ()
 BOOLEAN: Dimension = (("truth", Fraction(1)),)
 INVERSE = Fraction(-1)
+FREE = "?"
+"""First letter of a base dimension that stands for the unit that a number in a formula was not given."""
+PLAIN = frozenset({*(halves / 2 for halves in range(17)), 0.25, 0.75, math.pi})
+"""Numbers that a formula has by its nature: a factor of these has no unit."""
+_SIDE_BY_SIDE = ("+", "-", "min", "max", "where", "<", "<=", ">", ">=")
 
 #: Unit of a channel by the last parts of its name (recording-format: the unit is the name's last part).
 CHANNEL_UNITS: Mapping[str, str] = {
@@ -105,15 +111,59 @@ def _letter(name: str) -> str:
 def check_unit(node: Node, symbols: Mapping[str, Dimension], expected: Dimension) -> None:
     """Raise `ExpressionError` unless the formula has the expected dimension; 0 fits any."""
     found = unit_of(node, symbols)
-    if found is not None and found != expected:
+    if found is not None and not fits(found, expected):
         raise _refuse(node, f"has the unit {describe(found)}, expected {describe(expected)}")
 
 
+def fits(one: Dimension, other: Dimension) -> bool:
+    """Whether two dimensions are the same, or would be if a number had the unit that it needs."""
+    return one == other or (BOOLEAN not in (one, other) and (is_free(one) or is_free(other)))
+
+
+def is_free(dim: Dimension) -> bool:
+    """Whether a number without a unit is in it, whose unit may be any."""
+    return any(name.startswith(FREE) for name, _ in dim)
+
+
+def freed(node: Node, symbols: dict[str, Dimension], beside: bool = True) -> Node:
+    """The formula with a symbol of free unit, entered in `symbols`, for each number that may well have one.
+
+    That is one that stands `beside` something with a unit, and as a factor any but the plain ones (`PLAIN`): the
+    9.81 of `-9.81 * sin(phi)`, the 0.05 of `tanh(w / 0.05)`. An exponent is a number.
+    """
+    if isinstance(node, Num) and (beside or node.value not in PLAIN):
+        name = f"{node.value:g} ({len(symbols)})"
+        symbols[name] = ((FREE + name, Fraction(1)),)
+        return Name(name)
+    if not isinstance(node, Op):
+        return node
+    if node.op == "**":
+        return Op("**", (freed(node.args[0], symbols, beside=False), node.args[1]))
+    apart = node.op in _SIDE_BY_SIDE or (node.op == "neg" and beside)
+    return Op(node.op, tuple(freed(arg, symbols, apart) for arg in node.args))
+
+
+def fits_with_numbers(node: Node, symbols: Mapping[str, Dimension], expected: Dimension) -> bool:
+    """Whether a formula would have the expected dimension if its numbers had the units they need."""
+    known = dict(symbols)
+    loose = freed(node, known)
+    try:
+        check_unit(loose, known, expected)
+    except ExpressionError:
+        return False
+    return True
+
+
 def check_formula(node: Node, symbols: Mapping[str, Dimension], expected: Dimension) -> None:
-    """As `check_unit`, the error pointing to the place within the whole formula."""
+    """As `check_unit`, the error pointing to the place within the whole formula.
+
+    A formula whose units would fit, had its numbers the units they need, passes: many a plant is written so.
+    """
     try:
         check_unit(node, symbols, expected)
     except ExpressionError as error:
+        if fits_with_numbers(node, symbols, expected):
+            return
         whole = to_text(node)
         place = re.search(rf"(?<!\w){re.escape(error.text)}(?!\w)", whole)
         raise ExpressionError(error.reason, whole, place.start() if place else 0) from None
@@ -126,6 +176,16 @@ def _unknown(name: str, symbols: Iterable[str]) -> str:
     return f"{name!r} is not known here; " + (
         f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
     )
+
+
+def sound_unit_of(node: Node, symbols: Mapping[str, Dimension]) -> Dimension | None:
+    """As `unit_of`, of a formula that may have numbers without their units (`check_formula`)."""
+    try:
+        return unit_of(node, symbols)
+    except ExpressionError:
+        known = dict(symbols)
+        found = unit_of(freed(node, known), known)
+        return None if found is None else tuple(base for base in found if not base[0].startswith(FREE))
 
 
 def unit_of(node: Node, symbols: Mapping[str, Dimension]) -> Dimension | None:
@@ -204,9 +264,9 @@ def _common(node: Op, args: tuple[Node, ...], symbols: Mapping[str, Dimension]) 
         found = unit_of(arg, symbols)
         if found == BOOLEAN:
             raise _refuse(arg, "is true or false, where a quantity is needed (use where)")
-        if found is not None and shared is not None and found != shared:
+        if found is not None and shared is not None and not fits(found, shared):
             raise _refuse(node, f"mixes the units {describe(shared)} and {describe(found)}")
-        shared = found if shared is None else shared
+        shared = found if shared is None or is_free(shared) else shared
     return shared
 
 

@@ -19,7 +19,7 @@ from sim_hal.plant.expressions import (
     parse,
     to_text,
 )
-from sim_hal.plant.units import PURE, UnitError, channel_unit, check_unit, dimension, unit_of
+from sim_hal.plant.units import PURE, UnitError, channel_unit, check_formula, check_unit, dimension, unit_of
 
 
 def test_precedence_is_that_of_python() -> None:
@@ -180,3 +180,30 @@ def test_channel_units() -> None:
     assert channel_unit("angle_rad") == "rad"
     with pytest.raises(UnitError, match="does not end in a unit"):
         channel_unit("speed")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["-9.81 / l * sin(a) - 0.02 * w", "(12 - r * i) * w ** 2 / k / l * tanh(w / 0.05)", "max(w ** 2, 3)"],
+)
+def test_a_number_may_stand_for_something_with_a_unit(text: str) -> None:
+    symbols = {
+        "l": dimension("m"),
+        "a": PURE,
+        "w": dimension("rad/s"),
+        "r": dimension("ohm"),
+        "i": dimension("A"),
+        "k": dimension("V/m"),
+    }
+    with pytest.raises(ExpressionError):
+        check_unit(parse(text), symbols, dimension("rad/s^2"))
+    check_formula(parse(text), symbols, dimension("rad/s^2"))
+
+
+@pytest.mark.parametrize(
+    "text", ["2 * l * w", "0.5 * w", "w ** 2.5", "sin(2 * w)", "w ** 2 + 4 * w", "where(1, w, 0) * w"]
+)
+def test_a_plain_factor_mends_no_unit(text: str) -> None:
+    symbols = {"l": dimension("m"), "w": dimension("rad/s")}
+    with pytest.raises(ExpressionError):
+        check_formula(parse(text), symbols, dimension("rad/s^2"))

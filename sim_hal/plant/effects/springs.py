@@ -55,8 +55,8 @@ PROGRESSIVE = Effect(
                     "k_3",
                     "force/position**3",
                     "0.02 * F / X ** 3",
-                    "-F / X ** 3",
-                    "4 * F / X ** 3",
+                    "-100 * F / X ** 3",  # X is the whole travel: half of it to a side, 12 times F at its end
+                    "100 * F / X ** 3",
                     strength=True,
                 ),
             ),
