@@ -9,15 +9,13 @@ from collections.abc import Callable
 
 from flight import tensioning
 from flight.settings import FlightSettings
-from flight.states import SENSORS, Machine, Phase, Snapshot
-
-_NEVER = float("-inf")
+from flight.states import NEVER, SENSORS, Machine, Phase, Snapshot
 
 Quantity = Callable[[Machine, Snapshot, FlightSettings], float | None]
 
 
 def _age_of(sensor: str) -> Quantity:
-    return lambda machine, snap, settings: snap.time_s - snap.sampled_s.get(sensor, _NEVER)
+    return lambda machine, snap, settings: snap.time_s - snap.sampled_s.get(sensor, NEVER)
 
 
 def _time_in_phase_s(machine: Machine, snap: Snapshot, settings: FlightSettings) -> float:
@@ -36,9 +34,8 @@ def _disobedience_v(machine: Machine, snap: Snapshot, settings: FlightSettings) 
 
     A supply that sags has a monitor of its own, which lets the motor relax the spring with what there is.
     """
-    sampled_s = snap.sampled_s
-    older_s = min(sampled_s.get("nut_encoder", _NEVER), sampled_s.get("motor_current", _NEVER))
-    if snap.time_s - older_s > settings.safety.firing_age_s:
+    most_s = settings.safety.firing_age_s
+    if snap.age_s("nut_encoder") > most_s or snap.age_s("motor_current") > most_s:
         return None
     voltage_v = machine.voltage_v
     if snap.supply_v is not None and not abs(voltage_v) <= snap.supply_v:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from flight.record import HopRecorder
-from flight.states import SENSORS, Event, Snapshot
+from flight.states import NEVER, SENSORS, Event, Snapshot
 from hal.board import Board
 from hal.errors import ReadFailed
 from hal.readings import (
@@ -18,8 +18,6 @@ from hal.readings import (
     Switches,
 )
 
-_NEVER = float("-inf")
-
 
 class Senses:
     """The newest readings. A sensor whose read fails keeps its old value *and its old time*: it ages."""
@@ -29,13 +27,13 @@ class Senses:
         self._reads: list[tuple[str, Callable[[], Any]]] = [
             (name, getattr(board, name).read) for name in SENSORS
         ]
-        self._motor, self._nut = MotorCurrent(_NEVER, 0.0), NutPosition(_NEVER, 0.0)
-        self._switches = Switches(_NEVER, False, False)
+        self._motor, self._nut = MotorCurrent(NEVER, 0.0), NutPosition(NEVER, 0.0)
+        self._switches = Switches(NEVER, False, False)
         self._spring = SpringCompression(
-            (_NEVER,), (0.0,)
+            (NEVER,), (0.0,)
         )  # of the streamed sensors the last batch with samples
-        self._magnet = MagnetCurrent((_NEVER,), (0.0,))
-        self._force = SpecificForce((_NEVER,), (0.0,))
+        self._magnet = MagnetCurrent((NEVER,), (0.0,))
+        self._force = SpecificForce((NEVER,), (0.0,))
         self._failing: set[str] = set()
 
     def snapshot(self, now_s: float, late_s: float, **known: Any) -> tuple[Snapshot, list[Event]]:

@@ -58,6 +58,10 @@ STOWED = "stowed"
 SENSORS = ("motor_current", "nut_encoder", "switches", "spring", "magnet_current", "accelerometer")
 
 
+NEVER = float("-inf")
+"""When a sensor has delivered that has not yet."""
+
+
 class Snapshot(NamedTuple):
     """The latest reading of every sensor at one tick, each with the time at which it was sampled.
 
@@ -87,7 +91,7 @@ class Snapshot(NamedTuple):
 
     def age_s(self, sensor: str) -> float:
         """Age of the sensor's newest sample; infinite if there is none."""
-        return self.time_s - self.sampled_s.get(sensor, float("-inf"))
+        return self.time_s - self.sampled_s.get(sensor, NEVER)
 
 
 @dataclass(frozen=True, slots=True)

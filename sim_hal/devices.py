@@ -42,14 +42,14 @@ class SimDevice:
             raise DeviceClosed(f"{self._name}: used after it was closed")
 
     def _require_reading(self) -> None:
-        if not (self._closed or self._rig.faults):
+        if not (self._closed or self._rig.faults.planted):
             return  # nearly always
         self._require_open()
         if not self._rig.answers(self._name):
             raise ReadFailed(f"{self._name}: no answer at {self._rig.now_s:.4f} s")
 
     def _require_obedience(self) -> None:
-        if not (self._closed or self._rig.faults):
+        if not (self._closed or self._rig.faults.planted):
             return
         self._require_open()
         if not self._rig.answers(self._name):
@@ -109,7 +109,7 @@ class _Polled(_Sampled):
 
     def _latest(self) -> Sample:
         self._require_reading()
-        return self._sensor.latest()
+        return self._sensor.poll()
 
 
 class SimNutEncoder(_Polled):
@@ -140,10 +140,11 @@ class SimSwitches(SimDevice):
     def read(self) -> Switches:
         """The state of both contacts now."""
         self._require_reading()
-        fault = self._rig.faults.active(self._name, self._rig.now_s)
-        world = self._rig.world
+        rig = self._rig
+        fault = rig.faults.active(self._name, rig.now_s) if rig.faults.planted else None
+        world = rig.world
         if fault not in ("stick", "silent") or self._last is None:
-            self._last = Switches(self._rig.now_s, world.at_home, world.latch_closed)
+            self._last = Switches(rig.now_s, world.at_home, world.latch_closed)
             return self._last
         if fault == "silent" or (self._last.at_home, self._last.latch_closed) != (
             world.at_home,

@@ -7,7 +7,7 @@ where no string is taut; at an end stop the screw jams and the motor draws its v
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from sim_hal.plant.simulate import Plant, Simulator
 from sim_hal.settings import RigSettings
@@ -45,8 +45,8 @@ class TensioningDrive:
             self.current_a = voltage_v / self._rig.stop_resistance_ohm
             return
         self._jammed = False
-        self._simulator.advance(self._simulator.time_s + by_s, {"motor_voltage_v": voltage_v})
-        self._look()
+        times_s = (self._simulator.time_s + by_s,)
+        self._look(self._simulator.trace(times_s, {"motor_voltage_v": voltage_v})[0])
         if not self._rig.stop_low_m <= self.position_m <= self._rig.stop_high_m:
             self._jam(voltage_v)
 
@@ -78,11 +78,10 @@ class TensioningDrive:
             initial={name: value for name, value in states.items() if name != ANGLE},
         )
         self._places = [self._simulator.names.index(name) for name in _SEEN]
-        self._look()
+        self._look(self._simulator.values())
 
-    def _look(self) -> None:
+    def _look(self, values: Sequence[float]) -> None:
         """Take over what the plant says now."""
-        values = self._simulator.values()
         position, compression, current = self._places
         self.position_m = values[position] + self._shift_m
         self.spring_compression_m = values[compression]

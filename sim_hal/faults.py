@@ -71,6 +71,8 @@ class Faults:
 
     def __init__(self) -> None:
         self._faults: dict[str, list[Fault]] = {}  # by device
+        self.planted = False
+        """Whether there is any: looked at by each device at each call."""
         self.effects_s: dict[Fault, float] = {}
         """When each first changed what the flight software reads, or what an actuator does; not, if it never did."""
 
@@ -84,6 +86,7 @@ class Faults:
             raise ConfigError(f"faults: kind = {kind!r} is unknown; known here: {', '.join(KINDS)}")
         fault = Fault(device, kind, from_s, math.inf if until_s is None else until_s, size)
         self._faults.setdefault(device, []).append(fault)
+        self.planted = True
 
     def note(self, fault: Fault, now_s: float) -> None:
         """A fault makes a difference now."""
@@ -105,7 +108,3 @@ class Faults:
             if fault.from_s <= now_s < fault.until_s:
                 return fault
         return None
-
-    def __bool__(self) -> bool:
-        """Whether any was planted."""
-        return bool(self._faults)

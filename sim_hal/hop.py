@@ -36,11 +36,8 @@ class Hop:
         self.places = {name: place for place, name in enumerate(self._simulator.names)}
         """Where each output stands in `values`."""
         self.values = self._simulator.values()
-
-    @property
-    def opened(self) -> bool:
+        self.opened = self._simulator.flag(OPENED)
         """Whether the lock has let go."""
-        return self._simulator.flag(OPENED)
 
     def now(self, name: str) -> float:
         """An output at the present time."""
@@ -60,6 +57,7 @@ class Hop:
         """As `advance` to the last of some increasing times of the board; the values at each."""
         traced = self._simulator.trace([time_s - self.start_s for time_s in times_s])
         self.values = traced[-1]
+        self.opened = self.opened or self._simulator.flag(OPENED)
         self._watch_for_rest(times_s[-1] - self.start_s)
         return traced
 

@@ -68,16 +68,16 @@ class Rig:
                 self.world.set_magnet(False)
 
     def _step(self, end_s: float) -> None:
-        faults = self.faults
-        if faults:
+        faults, broken = self.faults, self.faults.planted
+        if broken:
             self._drop_power_of_silent_actuators()
-        lock_fault = faults.of("lock", end_s)
+        lock_fault = faults.of("lock", end_s) if broken else None
         self.world.lock_blocked = lock_fault is not None
         wanted = {channel: sensor.due(end_s) for _, channel, sensor in self._sensing}
         truth = self.world.advance(end_s, wanted)
         self.now_s = end_s
         for name, channel, sensor in self._sensing:
-            fault = self._fault_of(name, end_s) if faults else None
+            fault = self._fault_of(name, end_s) if broken else None
             if sensor.record(wanted[channel], truth[channel], fault) and fault:
                 faults.note(fault, end_s)
         if lock_fault is not None and self.world.lock_is_due:
@@ -107,7 +107,7 @@ class Rig:
     @property
     def supply_v(self) -> float:
         """Supply voltage [V]."""
-        fault = self.faults.of("supply", self.now_s)
+        fault = self.faults.of("supply", self.now_s) if self.faults.planted else None
         if fault is None or fault.kind != "sag":
             return self.nominal_supply_v
         self.faults.note(fault, self.now_s)
@@ -119,7 +119,7 @@ class Rig:
 
     def command_voltage_v(self, voltage_v: float) -> None:
         """Apply a motor voltage [V], if the motor has power and obeys."""
-        if self.faults:
+        if self.faults.planted:
             self._note_disobedience("motor", voltage_v != self.world.voltage_v)
         if self._obeys("motor"):
             self._asked_v = voltage_v

@@ -28,6 +28,11 @@ _AHEAD = 256  # draws of noise made at once
 Piece = tuple[Sequence[float], Sequence[float], Sequence[bool]]
 """Times, values, and whether each is at the end of the range."""
 
+Still = tuple[float, tuple[float, ...], tuple[bool, ...]]
+"""A truth that holds, what a sensor shows of it for each draw of noise, and whether each is at the range's end."""
+
+_INSIDE, _AT_END = (False,), (True,)
+
 
 class Sample(NamedTuple):
     """One delivered value."""
@@ -70,6 +75,10 @@ def _grid(rate_hz: float, first: int, now_s: float) -> tuple[float, ...]:
         end -= 1
     if end <= first:
         return ()
+    if (
+        end == first + 1 and first / rate_hz > now_s - GRID_TOLERANCE_S
+    ):  # mostly, of those at the rate of the ticks
+        return (now_s,)
     instants = [count / rate_hz for count in range(first, end)]
     if instants[-1] > now_s - GRID_TOLERANCE_S:
         instants[-1] = now_s  # the same but for rounding: what is due now is looked at once
@@ -93,7 +102,7 @@ class SampledSensor:
         self._count = 0
         self._noise: list[float] = []
         self._used = 0
-        self._still: _Still | None = None
+        self._still: Still | None = None
 
     @property
     def modes(self) -> tuple[Mode, ...]:
@@ -137,48 +146,59 @@ class SampledSensor:
         if not count:
             return False
         # the noise is drawn even by a broken sensor, so that a fault leaves all later samples as they were
-        start = self._draw(count)
-        if isinstance(truth, float):
-            if fault is None:
-                self._keep(instants, *self._of_still(truth, slice(start, start + count)))
-                return False
-            truth = (truth,) * count
-        shown, saturated = self._measured(truth, start)
-        if fault is None:
-            self._keep(instants, shown, saturated)
+        start = self._used
+        end = self._used = start + count
+        if end > len(self._noise):
+            start, end = self._draw_ahead(start, count)
+        if fault is not None:
+            return self._record_broken(instants, truth, start, fault)
+        if not isinstance(truth, float):
+            self._keep(instants, *self._measured(truth, start))
             return False
+        still = self._still
+        if still is None or still[0] != truth:
+            still = self._of_still(truth)
+        self._keep(instants, still[1][start:end], still[2][start:end])
+        return False
+
+    def _record_broken(
+        self, instants: Sequence[float], truth: Sequence[float] | float, start: int, fault: Fault
+    ) -> bool:
+        """As `record`, by a broken sensor."""
+        true = (truth,) * len(instants) if isinstance(truth, float) else truth
         if fault.kind in ("silent", "fail"):
             return True
-        self._keep(instants, *self._measured(truth, start, fault))
+        self._keep(instants, *self._measured(true, start, fault))
         assert self._newest is not None
-        return self._newest[1] != shown
+        return list(self._newest[1]) != list(self._measured(true, start)[0])
 
-    def _draw(self, count: int) -> int:
-        """Take so much white noise of sigma 1: where in `_noise` it begins. The sequence is that of single draws."""
-        start, self._used = self._used, self._used + count
-        if self._used > len(self._noise):
-            self._noise = self._noise[start:] + self._random.standard_normal(_AHEAD + count).tolist()
-            start, self._used, self._still = 0, count, None
-        return start
+    def _draw_ahead(self, start: int, count: int) -> tuple[int, int]:
+        """More white noise of sigma 1, of which `count` is taken: where. The sequence is that of single draws."""
+        self._noise = self._noise[start:] + self._random.standard_normal(_AHEAD + count).tolist()
+        self._used, self._still = count, None
+        return 0, count
 
-    def _of_still(self, truth: float, part: slice) -> tuple[Sequence[float], Sequence[bool]]:
-        """What a part of the noise makes of a truth that holds: done at once for all noise that was drawn ahead."""
-        still = self._still
-        if still is None or still.truth != truth:
-            mode = self._mode
-            values = truth + mode.noise_std * np.array(self._noise)
-            if self.step > 0.0:
-                values = np.rint(values / self.step) * self.step + 0.0  # no -0.0, as by `round`
-            values = np.clip(values, mode.low, mode.high)
-            inside = (mode.low < values) & (values < mode.high)
-            self._still = still = _Still(truth, tuple(values.tolist()), tuple((~inside).tolist()))
-        return still.values[part], still.saturated[part]
+    def _of_still(self, truth: float) -> Still:
+        """What the noise makes of a truth that holds: done at once for all noise that was drawn ahead."""
+        mode = self._mode
+        values = truth + mode.noise_std * np.array(self._noise)
+        if self.step > 0.0:
+            values = np.rint(values / self.step) * self.step + 0.0  # no -0.0, as by `round`
+        values = np.clip(values, mode.low, mode.high)
+        inside = (mode.low < values) & (values < mode.high)
+        self._still = truth, tuple(values.tolist()), tuple((~inside).tolist())
+        return self._still
 
     def _measured(
         self, truth: Sequence[float], start: int, fault: Fault | None = None
     ) -> tuple[Sequence[float], Sequence[bool]]:
         """What the noise from `start` on makes of true values; and whether each is at the range's end."""
         step, sigma, low, high = self.step, self._mode.noise_std, self._mode.low, self._mode.high
+        if len(truth) == 1 and fault is None:  # at each tick of several sensors
+            value = truth[0] + sigma * self._noise[start]
+            if step > 0.0:
+                value = round(value / step) * step
+            return ((value,), _INSIDE) if low < value < high else ((max(low, min(high, value)),), _AT_END)
         # plain numbers: most batches are of a few samples, for which arrays take longer
         noises = self._noise[start : start + len(truth)]
         shown = [true + sigma * noise for true, noise in zip(truth, noises, strict=True)]
@@ -213,20 +233,18 @@ class SampledSensor:
         self._waiting, self._overrun = 0, False
         return batch
 
+    def poll(self) -> Sample:
+        """The newest sample, as `latest`; none waits any more."""
+        self._fifo.clear()
+        self._waiting = 0
+        return self.latest()
+
     def latest(self) -> Sample:
         """The newest sample, however old. Raises `ReadFailed` when there was none yet."""
         if self._newest is None:
             raise ReadFailed(f"{self.name}: no sample yet")
         times_s, values, saturated = self._newest
         return Sample(times_s[-1], values[-1], saturated[-1])
-
-
-class _Still(NamedTuple):
-    """What a sensor shows of a truth that holds, for each draw of noise."""
-
-    truth: float
-    values: tuple[float, ...]
-    saturated: tuple[bool, ...]
 
 
 def _joined(pieces: Collection[Piece]) -> Piece:

@@ -26,6 +26,7 @@ NUT, CURRENT, SPRING, ACCELERATION, MAGNET = (
     "body_acceleration_m_s2",
     "magnet_current_a",
 )
+OF_DRIVE = NUT, CURRENT, SPRING
 
 Truth = dict[str, Sequence[float] | float]
 """By channel the true values at the instants wanted of it, or the one that holds all the time."""
@@ -160,24 +161,28 @@ class World:
             truth = self._fly(hop, of_drive, wanted)
         else:
             truth = self._release(hop, of_drive, wanted)
-        self._end_hop_at_rest()
-        self._close_latch_at_home()
+        if hop is not None and hop.at_rest:
+            self._end_hop(hop)
+        if not self.latch_closed:
+            self._close_latch_at_home()
         return truth
 
     def _stand(self, of_drive: set[float], wanted: Mapping[str, Sequence[float]]) -> Truth:
         """Without a hop nothing moves but the drive; one that holds no spring is read on demand."""
-        seen = {}
-        instants = of_drive.union(wanted[SPRING])
+        seen: dict[float, tuple[float, float, float]] = {}
+        drive, instants = self._drive, of_drive.union(wanted[SPRING])
         for at_s in sorted(instants) if len(instants) > 1 else instants:
             if self.latch_closed or at_s in of_drive:
                 self._drive_until(at_s)
-            drive = self._drive
             seen[at_s] = drive.position_m - self._power_up_m, drive.current_a, drive.spring_compression_m
             self.now_s = at_s
-        truth: Truth = {
-            channel: [seen[at_s][place] for at_s in wanted[channel]]
-            for place, channel in enumerate((NUT, CURRENT, SPRING))
-        }
+        if len(seen) == 1:  # nearly always: all that samples the drive does so at the end of a tick
+            [row] = seen.values()
+            truth: Truth = {name: (row[place],) * len(wanted[name]) for place, name in enumerate(OF_DRIVE)}
+        else:
+            truth = {
+                name: [seen[at_s][place] for at_s in wanted[name]] for place, name in enumerate(OF_DRIVE)
+            }
         truth[ACCELERATION] = self._standing_m_s2
         truth[MAGNET] = self._coil.currents_a(wanted[MAGNET])
         return truth
@@ -189,7 +194,7 @@ class World:
             self._drive_until(at_s)
             seen[at_s] = self._drive.position_m - self._power_up_m, self._drive.current_a
         magnet_rises = self.magnet_on and hop.start_s == self._coil.since_s
-        instants = sorted(of_drive.union(*[wanted[channel] for channel in (SPRING, ACCELERATION, MAGNET)]))
+        instants = sorted(of_drive.union(wanted[SPRING], wanted[ACCELERATION], wanted[MAGNET]))
         rows = dict(zip(instants, hop.trace(instants), strict=True))
         self.now_s = instants[-1]
         truth: Truth = {
@@ -236,10 +241,7 @@ class World:
             return self._hop.now(MAGNET)
         return self._coil.current_a(at_s)
 
-    def _end_hop_at_rest(self) -> None:
-        hop = self._hop
-        if hop is None or not hop.at_rest:
-            return
+    def _end_hop(self, hop: Hop) -> None:
         truth = hop_truth(
             self.plant_here,
             self.conditions,

@@ -184,14 +184,14 @@ class CompiledPlant(Starting):
             program.code, program.table, *machine, *plan, -1, outputs, states, statuses
         )
 
-        seen = outputs[0]
+        seen, status = outputs[0], statuses.data
 
         def step() -> Rows:
             run()
             rows: Rows = seen.tolist()
             # a sum tells at once whether all are finite
-            if statuses[0] != engine.OK or not math.isfinite(sum(map(sum, rows))):
-                failure = self._failure(int(statuses[0]), machine, 0, seen, plan.samples)
+            if status[0] != engine.OK or not math.isfinite(sum(map(sum, rows))):
+                failure = self._failure(status[0], machine, 0, seen, plan.samples)
                 if failure is not None:
                     raise failure
             return rows

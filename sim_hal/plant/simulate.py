@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -61,8 +62,7 @@ class Simulator:
         start_s: float = 0.0,
         initial: Mapping[str, float] | None = None,
     ) -> None:
-        self._definitions = _numbers(plant)
-        self._compiled = compile_plant(plant, extra=self._definitions)
+        self._compiled = _compiled(plant)
         self._flags = self._compiled.assembled.flags
         self._events = np.array([(events or {}).get(name, np.inf) for name in self._flags], dtype=float)
         self._places = {name: place for place, name in enumerate(plant.structure.inputs)}
@@ -70,7 +70,8 @@ class Simulator:
             times_s=np.array([start_s]), conditions=conditions or {}, known=known or {}, events=events or {}
         )
         self._machine = self._compiled.machine(self._compiled.values, run, initial)
-        self._room = self._machine.starts[0]
+        self._steps = self._machine.starts[0, engine.CLOCK, engine.STEPS :][:1]
+        self._states = self._machine.starts[0, engine.STATE]
         self._time_s = start_s
         self.names = self._compiled.output_names
         """Names of outputs and definitions, in the order of `values`."""
@@ -145,7 +146,7 @@ class Simulator:
 
     def state(self) -> dict[str, float]:
         """States by name, SI."""
-        return dict(zip(self._compiled.state_names, self._room[engine.STATE].tolist(), strict=False))
+        return dict(zip(self._compiled.state_names, self._states.tolist(), strict=False))
 
     def set_event(self, name: str, time_s: float) -> None:
         """Let an event happen at a time, now or later."""
@@ -188,7 +189,7 @@ class Simulator:
         for place, time_s in enumerate(times_s):  # mostly one, or a few: quicker than all at once
             here[place] = time_s
         self._breaks[0], self._breaks[1] = self._time_s, times_s[-1]
-        self._room[engine.CLOCK, engine.STEPS] = 0.0
+        self._steps[0] = 0.0
         outputs = run()
         self._time_s = times_s[-1]
         return outputs
@@ -218,6 +219,18 @@ class Simulator:
     def _delayed(self, channel: str, time_s: float) -> float:
         times = [time for time, _ in self._history]
         return float(np.interp(time_s, times, [values[channel] for _, values in self._history]))
+
+
+_RECENT: deque[CompiledPlant] = deque(maxlen=8)
+
+
+def _compiled(plant: Plant) -> CompiledPlant:
+    """A plant made ready with its definitions as outputs: kept, for a robot's plants start anew with each hop."""
+    for known in tuple(_RECENT):
+        if known.plant is plant:
+            return known
+    _RECENT.append(compile_plant(plant, extra=_numbers(plant)))
+    return _RECENT[-1]
 
 
 def _numbers(plant: Plant) -> dict[str, Node]:
