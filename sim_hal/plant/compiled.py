@@ -123,25 +123,26 @@ class CompiledPlant(Starting):
     def until(
         self, flag: str, values: Floats, run: Run, known: Mapping[str, Floats] | None = None
     ) -> tuple[Floats, Floats]:
-        """When a flag latches, (n,) s, and the states then, (n, n_states), for each row of `values` (n, n_par).
+        """States, (n, n_states), at the start and when a flag latches, for each row of `values` (n, n_par).
 
         `known` gives known quantities that differ from row to row, (n,) each. Raises `SimulationError`, also where
         the flag is never raised.
         """
-        times, states = np.empty(len(values)), np.empty((len(values), len(self.state_names)))
+        before, after = np.empty((2, len(values), len(self.state_names)))
         plan = self._plan(run, np.empty(0))
         for first in range(0, len(values), _AT_ONCE):
             some = slice(first, first + _AT_ONCE)
             own = {name: numbers[some] for name, numbers in (known or {}).items()}
             machine = self._machines(values[some], run, [{}] * len(values[some]), own)
+            states = machine.starts[:, engine.STATE, : after.shape[1]]
+            before[some] = states
             _, _, statuses = self._integrate(machine, plan, self.assembled.flags.index(flag))
             for row in np.flatnonzero(statuses != engine.STOPPED)[:1]:
                 failure = self._failure(int(statuses[row]), machine, int(row), np.empty(0), plan.samples)
                 late = f"{self.plant.name}: no {flag} until t = {run.times_s[-1]:.6g} s"
                 raise failure or SimulationError(f"{late}{self._acting(machine.registers[row])}")
-            times[some] = machine.starts[:, engine.CLOCK, engine.TIME]
-            states[some] = machine.starts[:, engine.STATE, : states.shape[1]]
-        return times, states
+            after[some] = states
+        return before, after
 
     def states(self, values: Floats, run: Run, initial: Mapping[str, float] | None = None) -> Floats:
         """States at the run's times, (n, n_states), SI."""

@@ -101,8 +101,7 @@ class Hops:
                 known={COMPRESSION: 0.0},
                 conditions={"surface": self._surface, **conditions},
             )
-            before = self._compiled.starts(values[rows], run, known)
-            _, after = self._compiled.until("highest", values[rows], run, known)
+            before, after = self._compiled.until("highest", values[rows], run, known)
             heights[rows] = self._centres_m(values[rows], after) - self._centres_m(values[rows], before)
         return heights
 

@@ -49,10 +49,6 @@ class Starting:
         """States with `initial: fit`."""
         return fitted(self.model.states)
 
-    def starts(self, values: Floats, run: Run, known: Mapping[str, Floats] | None = None) -> Floats:
-        """States at the start, (n, n_states), for each row of `values`; `known` as for `until`."""
-        return self._start(self._registers(values, run, known or {}), run)
-
     def initial_values(self, values: Floats, run: Run) -> dict[str, float]:
         """Initial states by name; those to be fitted get a guess from the first samples, or 0."""
         state = self._start(self._registers(values[np.newaxis], run), run)
