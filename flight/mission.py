@@ -26,6 +26,7 @@ from hal.readings import GroundCommand
 
 __all__ = ["GoalPlan", "HopPlan", "HopReport", "MissionPilot", "MissionPlan", "MissionResult", "load_mission"]
 
+_ASKING = (Phase.READY, Phase.HOMING, Phase.HOLD, Phase.ARMED)  # where the mission commands anything
 _RETRY_S = 0.5  # a command that was refused is given again after this time
 
 
@@ -174,6 +175,8 @@ class MissionPilot:
 
     def commands(self, machine: Machine, now_s: float) -> tuple[GroundCommand, ...]:
         """What the mission asks for at this tick."""
+        if machine.phase not in _ASKING:
+            return ()
         wanted = self._wanted(machine, now_s)
         if wanted is None:
             return ()

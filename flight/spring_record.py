@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from typing import NamedTuple
 
-from flight.states import Event, Machine, Phase
+from flight.states import Event, Machine, Phase, Target
 from hal.devices import Memory
 from hal.errors import DeviceError, ReadFailed
 
@@ -35,6 +35,7 @@ class SpringKeeper:
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
         self._kept: SpringRecord | None = None
+        self._seen: tuple[bool, Phase, Target | None] | None = None  # what the record is made of
         self.failed = False
 
     def found(self) -> Event:
@@ -49,13 +50,17 @@ class SpringKeeper:
 
     def keep(self, machine: Machine) -> Event | None:
         """Put a change on record, before anything is done about it; an event when that failed."""
+        seen = machine.loaded, machine.phase, machine.target
+        if seen == self._seen:  # nearly always
+            return None
         record = SpringRecord.of(machine)
         if record == self._kept:
+            self._seen = seen
             return None
         try:
             self._memory.write(json.dumps(record._asdict()))
         except DeviceError as error:
             was, self.failed = self.failed, True
             return None if was else Event("spring_record_unwritten", {"error": str(error)})
-        self._kept, self.failed = record, False
+        self._kept, self._seen, self.failed = record, seen, False
         return None
