@@ -39,7 +39,8 @@ class BackgroundLog:
         self._log = log
         self._queue: queue.SimpleQueue[list[Message] | None] = queue.SimpleQueue()
         self._batch: list[Message] = []
-        self._taken = self._done = 0  # messages: the first is the flight's to count, the other the thread's
+        self._handed = self._done = 0  # messages: the first is the flight's to count, the other the thread's
+        self._spare = 0  # so many may still come until somebody looks again
         self._most, self._may_hold_up = waiting_messages, simulated_time
         self._room = threading.Event()
         self.problem = ""
@@ -52,12 +53,9 @@ class BackgroundLog:
         self._take(topic, time_s, payload)
 
     def _take(self, *message: Any) -> None:
-        if self.problem:
+        if not self._spare and not self._has_room():
             return
-        if self._taken - self._done >= self._most and not self._waited_for_room():
-            self.problem = f"{self._most} messages wait for a disc that is too slow"
-            return
-        self._taken += 1
+        self._spare -= 1
         self._batch.append(message)
         if len(self._batch) >= BATCH:
             self.tick_done()
@@ -68,13 +66,15 @@ class BackgroundLog:
     def tick_done(self) -> None:
         """Let the thread write what has come since this was called last."""
         if self._batch:
+            self._handed += len(self._batch)
             self._queue.put(self._batch)
             self._batch = []
+            self._spare = 0
 
     @property
     def waiting(self) -> int:
         """Messages that wait to be written."""
-        return self._taken - self._done
+        return self._handed + len(self._batch) - self._done
 
     def close(self) -> None:
         """Write what waits and complete the file. May be called again."""
@@ -82,6 +82,16 @@ class BackgroundLog:
             self.tick_done()
             self._queue.put(_END)
             self._thread.join()
+
+    def _has_room(self) -> bool:
+        """Look, once a tick, whether messages may still come, and how many."""
+        if self.problem:
+            return False
+        if self.waiting >= self._most and not self._waited_for_room():
+            self.problem = f"{self._most} messages wait for a disc that is too slow"
+            return False
+        self._spare = max(1, self._most - self.waiting)
+        return True
 
     def _waited_for_room(self) -> bool:
         self.tick_done()

@@ -17,7 +17,7 @@ from hal.readings import (
     Switches,
 )
 from sim_hal.rig import Rig
-from sim_hal.sensors import Batch, Sample
+from sim_hal.sensors import Sample
 
 
 class SimDevice:
@@ -164,17 +164,14 @@ class _Streamed(_Sampled):
         self._require_reading()
         self._sensor.set_rate_hz(rate_hz, self._rig.now_s)
 
-    def _drain(self) -> Batch:
-        self._require_reading()
-        return self._sensor.drain()
-
 
 class SimSpringSensor(_Streamed):
     """Spring compression beyond the body's own weight."""
 
     def read(self) -> SpringCompression:
         """All samples since the last read; may be empty."""
-        times_s, values, _, overrun = self._drain()
+        self._require_reading()
+        times_s, values, _, overrun = self._sensor.take()
         return SpringCompression(times_s, values, overrun)
 
 
@@ -183,7 +180,8 @@ class SimMagnetCurrentSensor(_Streamed):
 
     def read(self) -> MagnetCurrent:
         """All samples since the last read; may be empty."""
-        times_s, values, _, overrun = self._drain()
+        self._require_reading()
+        times_s, values, _, overrun = self._sensor.take()
         return MagnetCurrent(times_s, values, overrun)
 
 
@@ -202,7 +200,8 @@ class SimAccelerometer(_Streamed):
 
     def read(self) -> SpecificForce:
         """All samples since the last read; may be empty."""
-        times_s, values, saturated, overrun = self._drain()
+        self._require_reading()
+        times_s, values, saturated, overrun = self._sensor.take()
         return SpecificForce(times_s, values, saturated, overrun)
 
 

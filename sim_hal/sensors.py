@@ -224,14 +224,18 @@ class SampledSensor:
 
     def drain(self) -> Batch:
         """All samples since the last call, and whether older ones were lost before them."""
+        return Batch(*self.take())
+
+    def take(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[bool, ...], bool]:
+        """As `drain`, without names."""
         times_s, values, saturated = self._fifo[0] if len(self._fifo) == 1 else _joined(self._fifo)
         if len(times_s) > self._depth:
             kept = slice(-self._depth, None)
             times_s, values, saturated = times_s[kept], values[kept], saturated[kept]
-        batch = Batch(tuple(times_s), tuple(values), tuple(saturated), self._overrun)
+        overrun = self._overrun
         self._fifo.clear()
         self._waiting, self._overrun = 0, False
-        return batch
+        return tuple(times_s), tuple(values), tuple(saturated), overrun
 
     def poll(self) -> Sample:
         """The newest sample, as `latest`; none waits any more."""
