@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 from log_fakes import ScriptedRig, fly_toy
 
+from flight.background_log import BackgroundLog
+from flight.log import McapLog, read_log
 from hal.board import Board
 from hal.calls import board_calls
 from hal.errors import CommandRefused, ReadFailed
@@ -53,6 +57,17 @@ def test_each_call_is_on_record_with_its_result() -> None:
     assert [m.sequence for m in log.messages] == list(range(len(log.messages)))
     times_s = [m.time_s for m in log.messages]
     assert times_s == sorted(times_s)
+
+
+def test_a_log_that_takes_calls_in_parts_keeps_the_messages_of_one_that_does_not(tmp_path: Path) -> None:
+    whole, total_v, _ = recorded_flight()
+    path = tmp_path / "flight.mcap"
+    with BackgroundLog(McapLog(path, {}), 1000) as log:
+        rig = ScriptedRig(1)
+        assert fly_toy(tap_board(rig.board(), log), log) == total_v
+    assert not log.problem
+    read = json.dumps([[m.topic, m.time_s, m.payload] for m in read_log(path).messages])
+    assert read == json.dumps([[m.topic, m.time_s, m.payload] for m in whole.messages])
 
 
 def is_call(message: LogMessage, method: str) -> bool:

@@ -131,11 +131,33 @@ def test_a_memory_that_cannot_be_written_keeps_the_magnet_off() -> None:
     armed = Machine(phase=Phase.ARMED, target=Target(1.0, 0.007))
     assert keeper.keep(armed) is not None
     assert keeper.failed
+    keeper.keep(armed._replace(phase=Phase.HOLD))
+    assert keeper.failed
     assert SpringRecord.of(armed) == SpringRecord(loaded=True, armed=True, energy_j=1.0)
     board = open_board("sim", read_yaml(config_path("boards", "sim.yaml")))
     object.__setattr__(board, "memory", Full())
     log = MemoryLog()
     assert fly(board, SETTINGS, ONE_HOP, log).end_reason == "memory_unwritable"
+
+
+def test_a_record_that_could_not_be_written_is_tried_again_until_it_is() -> None:
+    class Jammed(VolatileMemory):
+        jammed = True
+
+        def write(self, text: str) -> None:
+            if self.jammed:
+                raise DeviceError("no answer from the card")
+            super().write(text)
+
+    memory = Jammed()
+    keeper, armed = SpringKeeper(memory), Machine(phase=Phase.ARMED, target=Target(1.0, 0.007))
+    assert keeper.keep(armed) is not None
+    assert keeper.keep(armed) is None  # told once
+    assert keeper.failed
+    memory.jammed = False
+    keeper.keep(armed)
+    assert not keeper.failed
+    assert json.loads(memory.read()) == SpringRecord.of(armed)._asdict()
 
 
 def test_the_watchdog_is_not_stroked_while_a_monitor_is_dead(monkeypatch: pytest.MonkeyPatch) -> None:

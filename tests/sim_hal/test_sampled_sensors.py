@@ -153,6 +153,16 @@ def test_a_passing_fault_leaves_later_noise_as_it_was() -> None:
     assert run(broken, [0.2]) == expected[21:]
 
 
+def test_a_polled_sensor_gives_its_newest_sample_and_lets_none_wait() -> None:
+    probe = sensor()
+    probe.record([0.0, 0.005], [1.0, 2.0])
+    assert probe.poll()[:2] == (0.005, 2.0)
+    assert probe.poll()[:2] == (0.005, 2.0)  # however old
+    assert probe.drain() == ((), (), (), False)
+    probe.record([0.010], [3.0])
+    assert probe.drain().values == (3.0,)
+
+
 def test_no_sample_yet_is_an_error() -> None:
     with pytest.raises(ReadFailed, match="probe: no sample yet"):
         sensor().latest()
