@@ -17,7 +17,14 @@ from benchmarks.case_studies.sparse import sparse_terms, with_terms
 from benchmarks.case_studies.study import Study
 from ground.diagnose.evidence import LocatedForce
 from ground.diagnose.fit import fit_plant
-from ground.diagnose.locate import cause_series, explained_by, state_space, thinned, without_start
+from ground.diagnose.locate import (
+    cause_series,
+    explained_by,
+    state_sizes,
+    state_space,
+    thinned,
+    without_start,
+)
 from ground.diagnose.pipeline import diagnose, prepare, write_outcome
 from ground.diagnose.scales import find_scales
 from ground.diagnose.segments import Segment
@@ -25,7 +32,7 @@ from ground.diagnose.smoothing import smooth
 from ground.progress import steps_of
 from ground.recordings.model import Recording
 from hal.config import config_path
-from sim_hal.plant.simulate import Plant, SimulationError, load_plant
+from sim_hal.plant.simulate import MISSING_FORCE, Plant, SimulationError, load_plant
 
 Float = NDArray[np.float64]
 
@@ -144,7 +151,8 @@ class ForceOf:
 
     def __call__(self, plant: Plant, segment: Segment) -> LocatedForce | None:
         segment = without_start(segment, plant)
-        space = state_space(plant, self.balance, thinned(segment, STEPS), self.sigmas, self.typical)
+        sizes = state_sizes(plant, [segment], [{}]) | {MISSING_FORCE: self.typical}
+        space = state_space(plant, self.balance, thinned(segment, STEPS), self.sigmas, sizes)
         duration = float(segment.run.times_s[-1] - segment.run.times_s[0])
         try:
             smoothed = smooth(space, WANDER * self.typical**2 / duration)

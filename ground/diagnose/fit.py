@@ -145,7 +145,7 @@ def fit_plant(
         exact = FitProblem(plant, segments, sigmas, ranges, tolerance=PRECISE_TOLERANCE)
         closer = exact.residuals(z)
         if float(closer @ closer) <= MUCH_WORSE * float(residuals @ residuals) + rows:  # it got through
-            residuals, jacobian = closer, exact.precise_sensitivities(z)
+            residuals, jacobian = closer, exact.sure_of_weak(z, exact.precise_sensitivities(z))
     sigma = np.sqrt(np.diag(robust_covariance(jacobian, residuals, prior, problem.segments)))
     named = [i for i, free in enumerate(problem.free) if free.segment is None]
     return Fit(

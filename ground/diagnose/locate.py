@@ -69,7 +69,7 @@ def locate_job(_: Context, task: LocateTask) -> LocatedForce | None:
     """The missing force of one balance by the way that suits the plant."""
     structure = task.fit.plant.structure
     if task.fit.plant.kind == "equations" and not structure.flags and not structure.memories:
-        return locate_in(task.fit, task.whole, task.sigmas, task.balance, task.typical)
+        return locate_in(task)
     return locate_by_knots(task)
 
 
@@ -97,13 +97,15 @@ def locate_by_knots(task: LocateTask) -> LocatedForce | None:
     )
 
 
-def locate_in(fit: Fit, segment: Segment, sigmas: Float, balance: str, typical: float) -> LocatedForce | None:
+def locate_in(task: LocateTask) -> LocatedForce | None:
     """The missing force of one balance; None where it does not act on what was measured."""
-    plant = fit.plant.with_values(fit.values)
-    segment = without_start(segment, plant)
+    balance, typical = task.balance, task.typical
+    plant = task.fit.plant.with_values(task.fit.values)
+    segment = without_start(task.whole, plant)
     segment = replace(segment, run=bridged(plant.structure, segment.run))
-    space = state_space(plant, balance, thinned(segment, STEPS), sigmas, typical)
-    coarse = state_space(plant, balance, thinned(segment, SEARCH_STEPS), sigmas, typical)
+    sizes = state_sizes(plant, task.segments, task.fit.initial) | {MISSING_FORCE: typical}
+    space = state_space(plant, balance, thinned(segment, STEPS), task.sigmas, sizes)
+    coarse = state_space(plant, balance, thinned(segment, SEARCH_STEPS), task.sigmas, sizes)
     duration = segment.run.times_s[-1] - segment.run.times_s[0]
     intensities = [(share * typical) ** 2 / duration for share in SHARES]
     likelihoods = [smooth(coarse, q).log_likelihood for q in intensities]
@@ -154,7 +156,11 @@ def thinned(segment: Segment, steps: int) -> tuple[Segment, NDArray[np.int64]]:
 
 
 def state_space(
-    plant: Plant, balance: str, thin: tuple[Segment, NDArray[np.int64]], sigmas: Float, typical: float
+    plant: Plant,
+    balance: str,
+    thin: tuple[Segment, NDArray[np.int64]],
+    sigmas: Float,
+    sizes: Mapping[str, float],
 ) -> StateSpace:
     """The plant with its missing force as last state, from chosen sample to chosen sample."""
     segment, at = thin
@@ -162,8 +168,7 @@ def state_space(
     names = compiled.state_names
     order = [names.index(name) for name in names if name != MISSING_FORCE] + [names.index(MISSING_FORCE)]
     start = compiled.initial_values(compiled.values, segment.run)
-    size = state_sizes(compiled, segment)[order]
-    size[-1] = typical
+    size = np.array([sizes[names[i]] for i in order])
     spread = spans(segment.observed)
 
     def transition(k: int, states: Float) -> Float:
@@ -181,7 +186,7 @@ def state_space(
         observed=segment.observed[at],
         noise_std=np.maximum(FINEST * spread, np.minimum(sigmas, 0.1 * spread)),
         start=np.array([start[names[i]] for i in order]),
-        start_std=np.append(0.1 * size[:-1], typical),
+        start_std=np.append(0.1 * size[:-1], size[-1]),
         perturbation=1e-4 * size,
     )
 
@@ -195,11 +200,21 @@ def follow(
     return states[:, order], outputs
 
 
-def state_sizes(compiled: CompiledPlant, segment: Segment) -> Float:
-    """Typical magnitude of each state along the recording; 1 for one that does not move."""
-    states = np.abs(compiled.states(compiled.values, segment.run))
-    size = np.percentile(states, 95.0, axis=0)
-    return np.where(size > 0.0, size, 1.0)
+def state_sizes(
+    plant: Plant, segments: Sequence[Segment], initial: Sequence[Mapping[str, float]]
+) -> dict[str, float]:
+    """Typical magnitude of each state along all segments, from its fitted start; 1 for one that stands still."""
+    compiled = compile_plant(plant)
+    states = np.vstack(
+        [
+            compiled.run_with_states(compiled.values, segment.run, start)[1]
+            for segment, start in zip(segments, initial, strict=True)
+        ]
+    )
+    size = np.percentile(np.abs(states), 95.0, axis=0)
+    return {
+        name: float(one) if one > 0.0 else 1.0 for name, one in zip(compiled.state_names, size, strict=True)
+    }
 
 
 def cut_run(segment: Segment, start: int, stop: int) -> Segment:

@@ -33,7 +33,6 @@ from ground.diagnose.segments import (
     channel_sigmas,
     last_part,
     segment_of,
-    segments_to_fit,
     sensor_sigma,
     sigma_vector,
     split_last_part,
@@ -42,6 +41,7 @@ from ground.diagnose.segments import (
 from ground.diagnose.tension import strained
 from ground.diagnose.unlike_units import unlike_units, unstated_units
 from ground.diagnose.verify import Verified, verify, windowed_rms
+from ground.diagnose.windows import runs_away, segments_to_fit
 from ground.diagnose.withdraw import withdrawals
 from ground.diagnose.workers import APPROACH, FINAL_TOLERANCE, Workers
 from ground.files import check_place, write_atomic
@@ -115,6 +115,8 @@ def prepare(recordings: Sequence[Recording], plant: Plant) -> Data:
         )
     windows = segments_to_fit(held_out, plant, compiled)
     whole = tuple(segment_of(recording, plant, compiled) for recording in held_out)
+    if runs_away(held_out, plant, compiled):
+        whole = windows
     if len(recordings) == 1 and not starts_anywhere(compiled):
         windows = whole = (last_part(recordings[0], plant, compiled, HELD_OUT_SHARE),)
     return Data(
@@ -271,6 +273,11 @@ def notes_of(data: Data, plant: Plant, refit: Fit, named: Named) -> tuple[str, .
         *unstated_units(plant),
         amount((*data.fitted, *data.held_out), data.single),
     ]
+    if data.held_out_whole is data.held_out_windows:
+        notes.append(
+            "Run free, this plant runs away from what was recorded: it was fitted, and judged on what was held out, "
+            f"in windows of {data.windows[0].samples} samples, each with a start of its own."
+        )
     notes += needed(named.chosen, plant)
     if data.single:
         notes.append(

@@ -30,6 +30,12 @@ PRECISE_TOLERANCE = 1e-10
 """For covariances: central differences. Parameters that only occur as ratios (all masses and stiffnesses scaled
 alike move nothing) are known by their tolerances alone, and an error of one part in a thousand in the sensitivities
 would pass for knowledge of them."""
+WEAK = 1e-3
+"""Information in a direction, as a share of the most, below which it may be made of the columns' errors."""
+WEAK_ROUNDS = 2
+TOLD_ANYWAY = 0.1
+"""Information, beside a tolerance's 1, that does not count."""
+WEAK_STEP = 0.3
 TOLERANCE = 1e-7
 """Relative error per integration step: with `STEP`, sensitivities are right to about one part in a thousand."""
 STEPS_PER_SAMPLE = 60
@@ -172,6 +178,27 @@ class FitProblem:
             for (rows, up), (_, down) in pairs:
                 jacobian[rows, column] = (up - down) / (2.0 * step)
         return jacobian
+
+    def sure_of_weak(self, z: Float, jacobian: Float) -> Float:
+        """Sensitivities (rows, unknowns) with those directions told anew in which all unknowns together move little.
+
+        Masses, stiffnesses and frictions scaled alike move nothing; of columns that are each right to a thousandth,
+        what is left of their sum would still pass for knowledge. A step along the direction itself does not err so.
+        """
+        low, high = (np.array(limits) for limits in zip(*(one.bounds() for one in self.free), strict=True))
+        named = np.array([one.segment is None for one in self.free])
+        told = jacobian.copy()
+        for _ in range(WEAK_ROUNDS):  # the first finds the direction only as well as the columns have it
+            values, vectors = np.linalg.eigh(told.T @ told)
+            shared = np.sum(vectors[named] ** 2, axis=0) > 0.5
+            weak = np.flatnonzero(shared & (values > TOLD_ANYWAY) & (values < WEAK * values[-1]))
+            for along in vectors[:, weak].T:
+                up, down = (np.clip(z + way * WEAK_STEP * along, low, high) for way in (1.0, -1.0))
+                slope = (self.residuals(up) - self.residuals(down)) / max(
+                    float(along @ (up - down)), WEAK_STEP
+                )
+                told += np.outer(slope - told @ along, along)
+        return told
 
     def _moved(self, z: Float, column: int, step: float) -> Iterator[tuple[slice, Float]]:
         """Residuals, by segment, with one unknown moved; only segments that it acts on."""

@@ -8,7 +8,6 @@ recording (Bock and Plitt 1984).
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,19 +17,14 @@ from numpy.typing import NDArray
 
 from ground.diagnose.hop_masks import hop_mask
 from ground.recordings.model import Recording
-from ground.recordings.plant_run import to_run, unread_starts
+from ground.recordings.plant_run import to_run
 from sim_hal.plant.expressions import Name
 from sim_hal.plant.simulate import CompiledPlant, Plant, Run, SimulationError
 from sim_hal.plant.structure import FIT, State
 
 Float = NDArray[np.float64]
 
-WINDOWS_WANTED = 16
-"""Windows over all recordings: enough to bootstrap over, long enough to carry the slow parts of the motion."""
-MIN_WINDOW_SAMPLES = 100
-MOST_SAMPLES = 20_000
-"""More samples than this teach a fit of few parameters nothing that is worth the wait: windows are then shortened
-(spread over the recordings as before), or thinned out where no input acts between samples."""
+HEAD_SHARE, HEAD_SAMPLES = 0.03, 30
 LEAST_HEAD = 8
 NUDGES = (1.0, 1e-2, 1e-4)
 """Changes of an open start that are tried, in its unit."""
@@ -106,7 +100,7 @@ def segment_of(recording: Recording, plant: Plant, compiled: CompiledPlant) -> S
 
 def open_scales(compiled: CompiledPlant, run: Run, observed: Float) -> dict[str, float]:
     """Open initial states with their scales, from the first samples."""
-    head = head_of_run(run)
+    head = followed_head(compiled, run)
     start = compiled.initial_values(compiled.values, head)
     count = head.times_s.size
     spread = spans(observed)
@@ -118,6 +112,18 @@ def open_scales(compiled: CompiledPlant, run: Run, observed: Float) -> dict[str,
         strength = float(np.sqrt(np.mean(moved**2)))
         scales[name] = 1e-2 / strength if strength > 0.0 else 1.0
     return scales
+
+
+def followed_head(compiled: CompiledPlant, run: Run) -> Run:
+    """The first samples of a run, as many of them as the plant gets through."""
+    part = 1.0
+    while (head := head_of_run(run, HEAD_SHARE * part, int(HEAD_SAMPLES * part))).times_s.size > LEAST_HEAD:
+        try:
+            compiled.run(compiled.values, head, compiled.initial_values(compiled.values, head))
+            break
+        except SimulationError:
+            part *= 0.5
+    return head
 
 
 def spans(observed: Float) -> Float:
@@ -145,55 +151,12 @@ def is_open(state: State) -> bool:
     return state.initial == FIT or (isinstance(state.initial, Name) and state.initial.id.startswith("first("))
 
 
-def head_of_run(run: Run, share: float = 0.03, least: int = 30) -> Run:
+def head_of_run(run: Run, share: float = HEAD_SHARE, least: int = HEAD_SAMPLES) -> Run:
     """The first samples of a run: what an open start may be read from; of a short run no more than a quarter."""
     least = min(least, max(LEAST_HEAD, run.times_s.size // 4))
     count = min(run.times_s.size, max(least, int(share * run.times_s.size)))
     inputs = {name: values[:count] for name, values in run.inputs.items()}
     return replace(run, times_s=run.times_s[:count], inputs=inputs)
-
-
-def segments_to_fit(
-    recordings: Sequence[Recording], plant: Plant, compiled: CompiledPlant
-) -> tuple[Segment, ...]:
-    """The stretches that a fit uses: windows of an equation rig that can start at any sample, else whole runs.
-
-    A window at whose beginning nothing was measured that tells where it starts is left out.
-    """
-    if plant.kind != "equations" or not starts_anywhere(compiled):
-        return tuple(segment_of(recording, plant, compiled) for recording in recordings)
-    windows = windows_of(recordings)
-    parts = [part for part in windows if not unread_starts(part.channels, plant)] or windows[:1]
-    samples = sum(part.times_s.size for part in parts)
-    if samples > MOST_SAMPLES:
-        share = MOST_SAMPLES / samples
-        parts = [
-            shortened(part, share) if plant.structure.inputs else thinned_out(part, share) for part in parts
-        ]
-    return tuple(segment_of(part, plant, compiled) for part in parts)
-
-
-def windows_of(recordings: Sequence[Recording]) -> list[Recording]:
-    """Recordings cut into windows of equal length, each anchored anew."""
-    parts = []
-    per_recording = math.ceil(WINDOWS_WANTED / len(recordings))
-    for recording in recordings:
-        count = max(1, min(per_recording, recording.times_s.size // MIN_WINDOW_SAMPLES))
-        edges = np.linspace(0, recording.times_s.size, count + 1).round().astype(int)
-        parts += [cut_recording(recording, int(a), int(b)) for a, b in itertools.pairwise(edges)]
-    return parts
-
-
-def shortened(recording: Recording, share: float) -> Recording:
-    """The first `share` of a window: an input acts between samples, so none may be left out in between."""
-    return cut_recording(recording, 0, max(MIN_WINDOW_SAMPLES, int(share * recording.times_s.size)))
-
-
-def thinned_out(recording: Recording, share: float) -> Recording:
-    """Every n-th sample of a run without inputs, about `share` of them."""
-    every = slice(0, None, math.ceil(1.0 / share))
-    channels = {name: values[every] for name, values in recording.channels.items()}
-    return replace(recording, times_s=recording.times_s[every], channels=channels)
 
 
 def channel_sigmas(

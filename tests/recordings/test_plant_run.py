@@ -9,7 +9,7 @@ import pytest
 import yaml
 from recording_samples import SHARED, small_hop
 
-from ground.diagnose.segments import segments_to_fit
+from ground.diagnose.windows import segments_to_fit
 from ground.recordings import Event, Recording, RecordingError, load_recording
 from ground.recordings.plant_run import FIRST_SAMPLES, to_run
 from hal.config import config_path
