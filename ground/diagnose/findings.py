@@ -109,7 +109,11 @@ def what_moves(candidate: Candidate, plant: Plant) -> str:
         return ""
     meant = [("speed", balance.velocity), ("position", balance.position)]
     words = [f"{word} is {to_text(node)}" for word, node in meant if node is not None]
-    return f" Here {' and '.join(words)}."
+    loss = "friction" in candidate.physics_id
+    still = (
+        "; nothing moves, and what is called friction is a loss by the same law, as of a leak" if loss else ""
+    )
+    return f" Here {' and '.join(words)}{still}."
 
 
 def shared_with_twins(chosen: Chosen, fit: Fit) -> list[tuple[Candidate, float]]:

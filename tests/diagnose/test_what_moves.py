@@ -47,11 +47,19 @@ def said(plant: Plant, balance: str, physics_id: str) -> str:
 
 @pytest.mark.parametrize(
     ("text", "balance", "says"),
-    [(TANK, "volume", " Here speed is h and position is h."), (TEXT, "force_balance", "")],
+    [(TANK, "volume", " Here speed is h and position is h; nothing moves, "), (TEXT, "force_balance", "")],
 )
 def test_speed_is_explained_where_it_is_none(text: str, balance: str, says: str) -> None:
     plant = read_plant(yaml.safe_load(text), "plant.yaml")
-    assert said(plant, balance, "viscous_friction") == says
+    words = said(plant, balance, "viscous_friction")
+    assert words.startswith(says)
+    assert words.endswith("is a loss by the same law, as of a leak." if says else "")
+    assert bool(words) == bool(says)
+
+
+def test_what_is_called_no_friction_is_not_called_a_loss() -> None:
+    plant = read_plant(yaml.safe_load(TANK), "plant.yaml")
+    assert said(plant, "volume", "progressive_spring") == " Here speed is h and position is h."
 
 
 def test_heat_that_is_lost_is_told_in_watts() -> None:
