@@ -54,13 +54,30 @@ def felt_by_body(
 ) -> Array:
     """Extra acceleration of the body (steps, n) [m/s^2] at multiples of `step_s` into the contact.
 
+    The arguments are those of `stepped`.
+    """
+    states = stepped(free_depth_m, step_s, ground, leg_share, stiffness_1_s2, damping_1_s)
+    # Halfway through the impulse.
+    rate = states[:-1, 1] + 0.5 * step_s * states[:-1, 5]
+    return np.asarray(leg_share * (stiffness_1_s2 * states[:-1, 0] + damping_1_s * rate), dtype=np.float64)
+
+
+def stepped(
+    free_depth_m: Array,
+    step_s: float,
+    ground: Ground,
+    leg_share: float,
+    stiffness_1_s2: float,
+    damping_1_s: float,
+) -> Array:
+    """What the ground does to the two masses (steps + 1, 6, n), at multiples of `step_s` into the contact.
+
     `free_depth_m` (steps, n): how deep the foot would be without ground. `stiffness_1_s2` is omega_0^2, `damping_1_s`
     2 lambda, negative where the steps run backwards in time. Spring and centre of mass move exactly between the
-    steps; at each step the ground's push gives its impulse.
+    steps; at each step the ground's push gives its impulse. Rows: extra delta and its rate, extra height of the
+    centre of mass and its rate, extra height of the foot, which is com + (m_b/M) delta; push over leg mass.
     """
     steps, columns = free_depth_m.shape
-    # State: extra delta, its rate, extra height of the centre of mass, its rate; then that of the foot, which is
-    # com + (m_b/M) delta; then the ground's push.
     of_foot = np.array((1.0 - leg_share, 0.0, 1.0, 0.0))
     move = np.zeros((5, 6))
     move[:4, :4] = _free_step(step_s, stiffness_1_s2, damping_1_s)
@@ -83,9 +100,7 @@ def felt_by_body(
             push -= less
         np.maximum(push, 0.0, out=push)
         np.matmul(move, state, out=after)
-    # Halfway through the impulse.
-    rate = states[:-1, 1] + 0.5 * step_s * states[:-1, 5]
-    return np.asarray(leg_share * (stiffness_1_s2 * states[:-1, 0] + damping_1_s * rate), dtype=np.float64)
+    return states
 
 
 def _free_step(step_s: float, stiffness_1_s2: float, damping_1_s: float) -> Array:

@@ -12,7 +12,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.contact import Ground, felt_by_body
+from flight.contact import Ground, felt_by_body, stepped
 from flight.ringing import Ringing, TwoMass
 
 Array = NDArray[np.float64]
@@ -105,19 +105,40 @@ def added_by_ground(data: EdgeData, points: Array, grounds: Array, times_s: Arra
     if times_s.size == 0 or float(into.max()) <= 0.0:
         return np.zeros(into.shape)
     step_s = _HARD_STEP_S if data.hard else _SOFT_STEP_S
-    tau: Array = np.arange(math.ceil(float(into.max()) / step_s) + 2) * np.float64(step_s)
+    contact = _contact_of(data, points, grounds, math.ceil(float(into.max()) / step_s) + 2)
+    felt = felt_by_body(*contact)
+    place = np.maximum(into / step_s, 0.0).reshape(times_s.size, -1)
+    low = place.astype(np.int64)
+    share, column = place - low, np.arange(felt.shape[1])
+    felt = (1.0 - share) * felt[low, column] + share * felt[low + 1, column]
+    return np.asarray(felt.reshape(into.shape), dtype=np.float64)
+
+
+def pushed(data: EdgeData, point: Array) -> tuple[Array, Array]:
+    """When into the contact (steps,) [s], and how hard over its mass the ground pushes the foot (steps,) [m/s^2].
+
+    `point` (11,). As far as there are samples.
+    """
+    step_s = _HARD_STEP_S if data.hard else _SOFT_STEP_S
+    into_s = float((data.way * (data.times_s - point[E.TIME])).max())
+    count = math.ceil(max(into_s, 0.0) / step_s) + 2
+    states = stepped(*_contact_of(data, point[None], point[None, None, list(GROUND)], count))
+    return np.arange(count) * np.float64(step_s), states[:-1, 5, 0]
+
+
+def _contact_of(
+    data: EdgeData, points: Array, grounds: Array, steps: int
+) -> tuple[Array, float, Ground, float, float, float]:
+    """The arguments of `stepped` for grounds (s, n, 5), side by side."""
+    step_s = _HARD_STEP_S if data.hard else _SOFT_STEP_S
+    tau: Array = np.arange(steps) * np.float64(step_s)
     stiff = np.exp(grounds[:, :, E.STIFF]).ravel()
     given = np.exp(grounds[:, :, E.SOFT]).ravel()
     soft = stiff if data.hard else stiff * given / (stiff + given)
     ground = Ground(stiff, np.exp(grounds[:, :, E.YIELD]).ravel(), soft, data.way == TAKE_OFF)
-    depth = _free_depth(data, points, grounds, tau).reshape(tau.size, -1)
+    depth = _free_depth(data, points, grounds, tau).reshape(steps, -1)
     damping = 2.0 * data.way * data.spring.decay_1_s
-    felt = felt_by_body(depth, step_s, ground, data.robot.leg_share, data.spring.stiffness_1_s2, damping)
-    place = np.maximum(into / step_s, 0.0).reshape(times_s.size, -1)
-    low = place.astype(np.int64)
-    share, column = place - low, np.arange(stiff.size)
-    felt = (1.0 - share) * felt[low, column] + share * felt[low + 1, column]
-    return np.asarray(felt.reshape(into.shape), dtype=np.float64)
+    return depth, step_s, ground, data.robot.leg_share, data.spring.stiffness_1_s2, damping
 
 
 def _free_depth(data: EdgeData, points: Array, grounds: Array, tau: Array) -> Array:

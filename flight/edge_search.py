@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight.edge_fit import Edge, fit_edges, mixed, starts
-from flight.edge_model import TAKE_OFF, TOUCHDOWN, E, EdgeData
+from flight.edge_model import TAKE_OFF, TOUCHDOWN, E, EdgeData, pushed
 from flight.flight_search import Expectation, NoFlight, Stretch
 from flight.heartbeat import Heartbeat
 from flight.local_ringing import LocalRinging, fit_ringing
@@ -28,8 +28,9 @@ _INTO_S = {(False, False): 0.0035, (False, True): 0.001, (True, False): 0.0025, 
 # Edges that are tried, from the strange sample towards the flight: last one and their distance.
 _TRIED_S = {False: (7e-3, 3.5e-4), True: (1.5e-3, 2e-4)}
 _TRIED_ON_STEEL_S = 1.2e-4  # where the foot bounces, its last touch is a blow
-_BACKWARDS_M_S = 0.01  # of the foot at an edge: what its speed may be wrong by
-_SEEN_TO_MOVE = 3.0  # its speed, in sigmas
+_BACKWARDS_M_S, _BACKWARDS_SIGMAS = 0.01, 3.0  # of the foot at an edge: what its speed may be wrong by
+_SEEN_TO_MOVE, _PLAINLY_MOVES = 3.0, 10.0  # its speed, in sigmas
+_AT_ONCE = 2  # steps after the edge by which a foot that touches there is pushed
 _PLAINLY_WORSE = 9.0  # by so much in cost a fit does not take the place of one whose foot hardly moves
 _STIFF_LOGS = (12.0, 13.2, 14.4)
 _SPEEDS = (1.6, 5)  # of the foot, up to so many sigmas either way and how many, tried where it has bounced
@@ -120,13 +121,44 @@ def best_edge(
     step_s = float(np.median(np.diff(scene.times_s)))
     begins = starts(data, _tried(data, end, step_s, other), _MOST_STARTS[bounced], _APART_S[bounced])
     edges = fit_edges(data, begins, scene.heartbeat)
+    if bounced and edges:
+        more = _closer(data, end, step_s, min(edges, key=lambda edge: edge.cost), enough)
+        edges += fit_edges(data, more, scene.heartbeat) if more is not None else []
     least = min((edge.cost / data.times_s.size for edge in edges), default=math.inf)
-    if bounced and _NOT_YET < least < enough:
-        finely = _tried(data, end, step_s, other, _FINER)
-        begins = starts(data, finely, _MOST_MORE_STARTS, _APART_S[bounced] / _FINER)
-        edges += fit_edges(data, begins, scene.heartbeat)
     edges = _plausible(edges)
-    return mixed(edges, [edge.evidence for edge in edges], _TEMPER) if edges else None
+    # A misfit says that the samples tell less than their noise would allow.
+    temper = _TEMPER * max(1.0, least)
+    return mixed(edges, [edge.evidence for edge in edges], temper) if edges else None
+
+
+def _closer(data: EdgeData, end: EndOfFlight, step_s: float, best: Edge, enough: float) -> Array | None:
+    """Starts (s, 11) of a closer look where the foot has bounced; None where the best fit so far needs none.
+
+    It needs one where it explains the samples badly, and where the foot hardly moves at its edge.
+    """
+    cost = best.cost / data.times_s.size
+    unfelt = best.foot_speed_sigmas < _PLAINLY_MOVES
+    if cost >= enough or not (unfelt or cost > _NOT_YET):
+        return None
+    finely = _tried(data, end, step_s, None, _FINER)
+    begins = starts(data, finely, _MOST_MORE_STARTS, _APART_S[True] / _FINER)
+    earlier = _left_before(best) if unfelt else None
+    return begins if earlier is None else np.vstack((begins, earlier))
+
+
+def _left_before(edge: Edge) -> Array | None:
+    """Parameters (11,) of the take-off before this one, had the foot not touched any more; None where it rose to it.
+
+    The same motion of all but the same: what nobody feels pushes hardly at all.
+    """
+    tau, push = pushed(edge.data, edge.parameters)
+    begins = np.flatnonzero(np.diff((push > 0.0).astype(np.int8)) > 0)
+    begins = begins[begins > _AT_ONCE]  # the others are of the touch at the edge itself
+    if not begins.size:
+        return None
+    earlier = edge.parameters.copy()
+    earlier[E.TIME] += edge.data.way * tau[begins[0]]
+    return earlier
 
 
 def _tried(
@@ -161,7 +193,12 @@ def _plausible(edges: list[Edge]) -> list[Edge]:
     """
     least = min((edge.cost for edge in edges), default=0.0) + _PLAINLY_WORSE
     moving = [edge for edge in edges if edge.foot_speed_sigmas > _SEEN_TO_MOVE and edge.cost < least]
-    return moving or [edge for edge in edges if edge.foot_speed_m_s > -_BACKWARDS_M_S] or edges
+    forwards = [
+        edge
+        for edge in edges
+        if edge.foot_speed_m_s > -_BACKWARDS_M_S or edge.foot_speed_sigmas > -_BACKWARDS_SIGMAS
+    ]
+    return moving or forwards or edges
 
 
 def _edge_data(
