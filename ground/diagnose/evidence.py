@@ -31,6 +31,7 @@ class LocatedForce:
 
     `before` is what the refitted plant lacks, `after` what the extended one still does; `law` is the force of the
     effects found, all (samples,), in `unit`. `causes` are the quantities it may depend on, by name with unit.
+    `began_s` is when the whole recording began; None: with the force.
     """
 
     equation: str
@@ -43,6 +44,7 @@ class LocatedForce:
     causes: Mapping[str, Float]
     explained: Mapping[str, float]
     log_likelihood_gain: float
+    began_s: float | None = None
 
     @property
     def law(self) -> Float | None:

@@ -76,7 +76,7 @@ def sparse_law(force: LocatedForce) -> Law | None:
 
 def library(force: LocatedForce) -> dict[str, Float]:
     """The terms that this place has the quantities for, along the recording."""
-    have = {"elapsed": force.times_s - force.times_s[0]}
+    have = {"elapsed": force.times_s - (force.times_s[0] if force.began_s is None else force.began_s)}
     for symbol, cause in (("v", "velocity"), ("x", "position")):
         if cause in force.causes:
             have[symbol] = force.causes[cause]

@@ -94,6 +94,7 @@ def locate_by_knots(task: LocateTask) -> LocatedForce | None:
             name: explained_by(values, found.force, found.force_std) for name, values in found.causes.items()
         },
         log_likelihood_gain=found.log_likelihood_gain,
+        began_s=task.segments[worst].run.began_s,
     )
 
 
@@ -128,6 +129,7 @@ def locate_in(task: LocateTask) -> LocatedForce | None:
             name: explained_by(values, smoothed.force, smoothed.force_std) for name, values in series.items()
         },
         log_likelihood_gain=likelihoods[best] - still,
+        began_s=segment.run.began_s,
     )
 
 
@@ -223,6 +225,7 @@ def cut_run(segment: Segment, start: int, stop: int) -> Segment:
         segment.run,
         times_s=segment.run.times_s[start:stop],
         inputs={name: values[start:stop] for name, values in segment.run.inputs.items()},
+        origin_s=segment.run.began_s,
     )
     return replace(segment, run=run, observed=segment.observed[start:stop])
 

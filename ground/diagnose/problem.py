@@ -235,7 +235,7 @@ def sample_shifts(plant: Plant, segments: Sequence[Segment]) -> dict[str, float]
     """Change of each parameter that shifts a channel in time (a delay, a clock's rate) that shifts it by samples."""
     times = [segment.run.times_s for segment in segments]
     shift_s = SHIFTED_SAMPLES * max(float(np.median(np.diff(at))) for at in times)
-    duration_s = max(float(at[-1] - at[0]) for at in times)
+    duration_s = max(float(segment.run.times_s[-1] - segment.run.began_s) for segment in segments)
     found: dict[str, float] = {}
     for use in plant.effects:
         form = check_use(plant, use)

@@ -83,9 +83,14 @@ def starts_anywhere(compiled: CompiledPlant) -> bool:
 
 
 def cut_recording(recording: Recording, start: int, stop: int) -> Recording:
-    """The samples `start:stop` of a recording, as a recording of its own (same clock, same metadata)."""
+    """The samples `start:stop` of a recording, as a recording of its own (same clock, origin and metadata)."""
     channels = {name: values[start:stop] for name, values in recording.channels.items()}
-    return replace(recording, times_s=recording.times_s[start:stop], channels=channels)
+    return replace(
+        recording,
+        times_s=recording.times_s[start:stop],
+        channels=channels,
+        origin_s=recording.began_s,
+    )
 
 
 def segment_of(recording: Recording, plant: Plant, compiled: CompiledPlant) -> Segment:

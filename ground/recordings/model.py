@@ -74,7 +74,8 @@ class Recording(Table):
     """One run. Beside the main table, `extra_tables` hold what was sampled at other rates, by label.
 
     `conditions` and `state` are named as in the sidecar (SI, the unit in the name). `source` is the file
-    that the recording was read from.
+    that the recording was read from. `origin_s` is when the recording began that this one is a part of (None: it
+    is a whole one): what grows since the start goes on growing in its parts. No file says it.
     """
 
     run: str = field(kw_only=True)
@@ -87,6 +88,7 @@ class Recording(Table):
     notes: str = field(default="", kw_only=True)
     extra_tables: Mapping[str, Table] = field(default_factory=dict, kw_only=True)
     source: Path | None = field(default=None, kw_only=True)
+    origin_s: float | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         """Check names and figures; see `Table`."""
@@ -97,6 +99,11 @@ class Recording(Table):
         for name in (self.kind, *self.extra_tables):
             if not is_name(name):
                 raise RecordingError(f"{name!r} is no name (lower-case letters, digits, underscores)")
+
+    @property
+    def began_s(self) -> float:
+        """When the whole recording began, on its clock."""
+        return float(self.times_s[0]) if self.origin_s is None else self.origin_s
 
     def event_time_s(self, name: str) -> float | None:
         """Time of the first event of this name, or None."""

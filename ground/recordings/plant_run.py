@@ -52,6 +52,7 @@ def to_run(recording: Recording, plant: Plant) -> Run:
         known=recording.state,
         conditions=recording.conditions,
         first_samples={name: values[:FIRST_SAMPLES] for name, values in recording.channels.items()},
+        origin_s=recording.origin_s,
     )
 
 

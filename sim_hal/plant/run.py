@@ -27,6 +27,7 @@ class Run:
 
     times_s: (n,), increasing. inputs: each (n,), NaN where a sample is missing. events: seconds on the same clock.
     known: the sidecar's `state:`. first_samples: (k,) channels whose smoothed start is an initial value.
+    origin_s: when the recording began that the run is a part of; None where the run is all of it.
     """
 
     times_s: Floats
@@ -35,29 +36,40 @@ class Run:
     known: Mapping[str, float] = field(default_factory=dict)
     conditions: Mapping[str, float | str] = field(default_factory=dict)
     first_samples: Mapping[str, Floats] = field(default_factory=dict)
+    origin_s: float | None = None
+
+    @property
+    def began_s(self) -> float:
+        """What `elapsed` counts from: the same instant in a whole run and in any part of it."""
+        return float(self.times_s[0]) if self.origin_s is None else self.origin_s
 
 
 @dataclass(frozen=True)
 class Lateness:
-    """A channel that reads what was `delay_s` ago, and by `skew` more with each second since `start_s`."""
+    """A channel that reads what was `delay_s` ago, and by `skew` more with each second since `origin_s`.
+
+    What is simulated begins at `start_s`.
+    """
 
     start_s: float
+    origin_s: float
     delay_s: float
     skew: float
 
     def seen_s(self, times_s: Floats) -> Floats:
         """(n,) when the plant was as the channel reads at the given times; never before the start."""
-        late = self.delay_s + self.skew * (times_s - self.start_s)
-        return np.maximum(times_s - late, self.start_s)
+        return np.maximum(times_s - self._late_s(times_s), self.start_s)
 
     def before_s(self, times_s: Floats) -> Floats:
         """(n,) by how much a reading should reach back beyond the start."""
-        late = self.delay_s + self.skew * (times_s - self.start_s)
-        return np.maximum(late - (times_s - self.start_s), 0.0)
+        return np.maximum(self._late_s(times_s) - (times_s - self.start_s), 0.0)
 
     def longest_s(self, time_s: float) -> float:
         """The most by which the channel is late until a time."""
-        return max(self.delay_s, self.delay_s + self.skew * (time_s - self.start_s))
+        return max(self.delay_s, float(self._late_s(np.array(time_s))))
+
+    def _late_s(self, times_s: Floats) -> Floats:
+        return self.delay_s + self.skew * (times_s - self.origin_s)
 
 
 def prolonged(run: Run, until_s: float) -> Run:

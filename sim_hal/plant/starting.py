@@ -173,7 +173,7 @@ class Starting:
                 parameters[:, offset] = self._known(name, run)
             else:
                 parameters[:, offset] = np.nan  # optional and absent: nothing may use it
-        parameters[:, len(self.assembled.parameters) - 1] = run.times_s[0]
+        parameters[:, len(self.assembled.parameters) - 1] = run.began_s
         engine.execute_rows(program.code, 0, program.layout.modal, registers)
         return registers
 
@@ -227,5 +227,5 @@ class Starting:
                 float(registers[places[channel]]) if channel in places else 0.0
                 for places in (where.delays, where.skews)
             )
-            late[channel] = Lateness(float(run.times_s[0]), delay, skew)
+            late[channel] = Lateness(float(run.times_s[0]), run.began_s, delay, skew)
         return late

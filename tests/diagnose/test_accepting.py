@@ -77,14 +77,16 @@ def test_what_was_held_out_confirms_an_effect_that_is_there_and_no_other(
 
 @pytest.mark.parametrize("there", [True, False])
 def test_what_no_window_feels_must_not_carry_a_whole_recording_away(tmp_path: Path, there: bool) -> None:
-    """A drift so slow that every window, anchored anew, bears with it; over the whole recording it shows."""
-    given = plant(tmp_path)
-    slow = EffectUse("sensor_drift", "sensor", "position_m", {"drift": Parameter(1.2e-5, 0.0, "m/s")})
-    truth = given.with_effect(slow) if there else given
+    """A force so small that every window, anchored anew, bears with it; it carries a whole recording far away."""
+    stiff = plant(tmp_path)
+    soft = {"stiffness": Parameter(0.2, 0.01, "N/m"), "damping": Parameter(0.05, 0.01, "N*s/m")}
+    given = replace(stiff, parameters={**stiff.parameters, **soft})
+    small = EffectUse("asymmetric_friction", "force_balance", None, {"F_o": Parameter(2e-4, 0.0, "N")})
+    truth = given.with_effect(small) if there else given
     data = prepare(recordings(truth, seed=8, count=4, samples=900), given)
     refit = fit_plant(given, data.windows, data.sigmas, {})
-    candidate, _ = with_effect("sensor_drift", data, refit)
-    fit = replace(refit, plant=refit.plant.with_effect(slow))
+    candidate, _ = with_effect("asymmetric_friction", data, refit)
+    fit = replace(refit, plant=refit.plant.with_effect(small))
     one = Chosen(candidate, 1.0, (), (), (), refit.chi2, absent=refit)
     views = HeldOutViews(data.held_out_windows, data.held_out_whole).views
     with Workers(data.windows, data.sigmas, find_scales(refit, data.windows), 1) as workers:

@@ -1,7 +1,7 @@
 """What a piece of physics is: one declaration that simulation, diagnosis, report and plant file share.
 
 Formulas are written in canonical symbols: `v` velocity, `x` position and `load` of the balance entered, `t` time,
-`elapsed` time since the run's start, `y` the channel of a sensor fault, the effect's own parameters, states and
+`elapsed` time since the recording's start, `y` the channel of a sensor fault, the effect's own parameters, states and
 memories, and, where an effect belongs to one kind of plant, that plant's own symbols.
 
 Every effect has strengths: parameters that are 0 where it is absent. Where its nominal limit lies elsewhere (a
