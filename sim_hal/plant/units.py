@@ -34,6 +34,7 @@ CHANNEL_UNITS: Mapping[str, str] = {
     **{"n": "N", "n_m": "N*m", "nm": "N*m", "n_s": "N*s", "n_s_m": "N*s/m", "pa": "Pa"},
     **{"a": "A", "v": "V", "ohm": "ohm", "w": "W", "j": "J", "t": "T", "c": "C"},
     **{"k": "K", "s": "s", "hz": "Hz", "kg": "kg", "1": "1", "kg_m3": "kg/m^3", "kg_m2": "kg*m^2"},
+    **{"m3": "m^3", "m3_s": "m^3/s", "kg_s": "kg/s", "k_s": "K/s", "w_m2": "W/m^2"},
 }
 
 
