@@ -32,7 +32,7 @@ from sim_hal.plant.hops import Hops
 from sim_hal.plant.simulate import Run, compile_plant, load_plant
 
 HOPS, HARD_HOPS, LOGGED_S, TICK_BUDGET_US = 4000, 400, 5.0, 5000.0
-ESTIMATED, GROUPS = 40, 5
+ESTIMATED, GROUPS = 200, 5
 CASES = (("axis", 0), ("axis", 1), ("axis", 3), ("drop", 0))
 """Generated cases with something hidden, few and quick; `python -m benchmarks.blind` has the whole campaign."""
 GROWTH_CASE = ("axis", 0)
