@@ -77,6 +77,7 @@ class Data:
     sigmas: Float
     noise: Mapping[str, float]
     single: bool
+    by_windows: bool  # the plant runs away when run free: what is held out is judged in windows alone
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,8 @@ def prepare(recordings: Sequence[Recording], plant: Plant) -> Data:
         )
     windows = segments_to_fit(held_out, plant, compiled)
     whole = tuple(segment_of(recording, plant, compiled) for recording in held_out)
-    if runs_away(held_out, plant, compiled):
+    by_windows = runs_away(held_out, plant, compiled)
+    if by_windows:
         whole = windows
     if len(recordings) == 1 and not starts_anywhere(compiled):
         windows = whole = (last_part(recordings[0], plant, compiled, HELD_OUT_SHARE),)
@@ -129,6 +131,7 @@ def prepare(recordings: Sequence[Recording], plant: Plant) -> Data:
         sigmas=sigma_vector(sigmas, names),
         noise={name: sensor_sigma(fitted, plant, name) for name in sigmas},
         single=len(recordings) == 1,
+        by_windows=by_windows,
     )
 
 
@@ -273,7 +276,7 @@ def notes_of(data: Data, plant: Plant, refit: Fit, named: Named) -> tuple[str, .
         *unstated_units(plant),
         amount((*data.fitted, *data.held_out), data.single),
     ]
-    if data.held_out_whole is data.held_out_windows:
+    if data.by_windows:
         notes.append(
             "Run free, this plant runs away from what was recorded: it was fitted, and judged on what was held out, "
             f"in windows of {data.windows[0].samples} samples, each with a start of its own."

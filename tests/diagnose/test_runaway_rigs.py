@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from diagnose_rig import plant, recordings
+from hop_rig import hops, nominal
 
 from ground.diagnose.pipeline import diagnose, prepare
 from ground.diagnose.windows import runs_away
@@ -91,3 +92,10 @@ def test_a_rig_that_stays_is_not_cut_any_shorter(tmp_path: Path) -> None:
     runs = recordings(given, seed=3)
     assert not runs_away(runs, given, compile_plant(given))
     assert prepare(runs, given).held_out_whole[0].samples == runs[0].times_s.size
+
+
+def test_one_hop_judged_at_its_end_is_not_said_to_run_away() -> None:
+    """Held out is the end of that one run: its windows are its whole, and it runs from where it was seen to start."""
+    outcome = diagnose(hops(nominal(), seed=2)[:1], nominal()).diagnosis
+    assert any("There was one recording" in note for note in outcome.notes)
+    assert not any("runs away" in note for note in outcome.notes)
