@@ -44,63 +44,64 @@ class Ground:
         return self.stiff_1_s2, between, self.yield_m_s2 * between / self.stiff_1_s2
 
 
-def felt_by_body(
-    free_depth_m: Array,
-    step_s: float,
-    ground: Ground,
-    leg_share: float,
-    stiffness_1_s2: float,
-    damping_1_s: float,
-) -> Array:
-    """Extra acceleration of the body (steps, n) [m/s^2] at multiples of `step_s` into the contact.
+@dataclass(frozen=True)
+class Contact:
+    """Feet that would go so deep on their free paths, the grounds they meet, and the robot above them.
 
-    The arguments are those of `stepped`.
+    `free_depth_m` (steps, n): how deep each foot would be without ground, at multiples of `step_s` into the contact.
+    `leg_share`: m_l/M. `stiffness_1_s2` is omega_0^2, `damping_1_s` 2 lambda, negative where the steps run backwards
+    in time.
     """
-    states = stepped(free_depth_m, step_s, ground, leg_share, stiffness_1_s2, damping_1_s)
-    # Halfway through the impulse.
-    rate = states[:-1, 1] + 0.5 * step_s * states[:-1, 5]
-    return np.asarray(leg_share * (stiffness_1_s2 * states[:-1, 0] + damping_1_s * rate), dtype=np.float64)
 
+    free_depth_m: Array
+    step_s: float
+    ground: Ground
+    leg_share: float
+    stiffness_1_s2: float
+    damping_1_s: float
 
-def stepped(
-    free_depth_m: Array,
-    step_s: float,
-    ground: Ground,
-    leg_share: float,
-    stiffness_1_s2: float,
-    damping_1_s: float,
-) -> Array:
-    """What the ground does to the two masses (steps + 1, 6, n), at multiples of `step_s` into the contact.
+    def felt_by_body(self) -> Array:
+        """Extra acceleration of the body (steps, n) [m/s^2]."""
+        states = self.stepped()
+        # Halfway through the impulse.
+        rate = states[:-1, 1] + 0.5 * self.step_s * states[:-1, 5]
+        felt = self.stiffness_1_s2 * states[:-1, 0] + self.damping_1_s * rate
+        return np.asarray(self.leg_share * felt, dtype=np.float64)
 
-    `free_depth_m` (steps, n): how deep the foot would be without ground. `stiffness_1_s2` is omega_0^2, `damping_1_s`
-    2 lambda, negative where the steps run backwards in time. Spring and centre of mass move exactly between the
-    steps; at each step the ground's push gives its impulse. Rows: extra delta and its rate, extra height of the
-    centre of mass and its rate, extra height of the foot, which is com + (m_b/M) delta; push over leg mass.
-    """
-    steps, columns = free_depth_m.shape
-    of_foot = np.array((1.0 - leg_share, 0.0, 1.0, 0.0))
-    move = np.zeros((5, 6))
-    move[:4, :4] = _free_step(step_s, stiffness_1_s2, damping_1_s)
-    move[:4, 5] = move[:4, :4] @ (step_s * np.array((0.0, 1.0, 0.0, leg_share)))
-    move[4] = of_foot @ move[:4]
-    states = np.zeros((steps + 1, 6, columns))
-    slope, taken, borne = ground.line()
-    remembers, leaving = bool(taken.any()), ground.leaving
-    deepest, depth, less = np.maximum(free_depth_m[0], 0.0), np.empty(columns), np.empty(columns)
-    for free_m, state, after in zip(free_depth_m, states, states[1:, :5], strict=False):
-        push = state[5]
-        np.subtract(free_m, state[4], out=depth)
-        np.multiply(slope, depth, out=push)
-        if remembers:
-            np.maximum(deepest, depth, out=deepest)
-            np.multiply(taken, deepest, out=less)
-            if not leaving:
-                less -= borne
-                np.maximum(less, 0.0, out=less)
-            push -= less
-        np.maximum(push, 0.0, out=push)
-        np.matmul(move, state, out=after)
-    return states
+    def stepped(self) -> Array:
+        """What the ground does to the two masses (steps + 1, 6, n).
+
+        Spring and centre of mass move exactly between the steps; at each step the ground's push gives its impulse.
+        Rows: extra delta and its rate, extra height of the centre of mass and its rate, extra height of the foot,
+        which is com + (m_b/M) delta; push over leg mass.
+        """
+        columns = self.free_depth_m.shape[1]
+        states, move = np.zeros((len(self.free_depth_m) + 1, 6, columns)), self._move()
+        slope, taken, borne = self.ground.line()
+        remembers, leaving = bool(taken.any()), self.ground.leaving
+        deepest, depth, less = np.maximum(self.free_depth_m[0], 0.0), np.empty(columns), np.empty(columns)
+        for free_m, state, after in zip(self.free_depth_m, states, states[1:, :5], strict=False):
+            push = state[5]
+            np.subtract(free_m, state[4], out=depth)
+            np.multiply(slope, depth, out=push)
+            if remembers:
+                np.maximum(deepest, depth, out=deepest)
+                np.multiply(taken, deepest, out=less)
+                if not leaving:
+                    less -= borne
+                    np.maximum(less, 0.0, out=less)
+                push -= less
+            np.maximum(push, 0.0, out=push)
+            np.matmul(move, state, out=after)
+        return states
+
+    def _move(self) -> Array:
+        """One step (5, 6): from a state with its push to the state after it."""
+        move = np.zeros((5, 6))
+        move[:4, :4] = _free_step(self.step_s, self.stiffness_1_s2, self.damping_1_s)
+        move[:4, 5] = move[:4, :4] @ (self.step_s * np.array((0.0, 1.0, 0.0, self.leg_share)))
+        move[4] = np.array((1.0 - self.leg_share, 0.0, 1.0, 0.0)) @ move[:4]
+        return move
 
 
 def _free_step(step_s: float, stiffness_1_s2: float, damping_1_s: float) -> Array:

@@ -12,7 +12,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.contact import Ground, felt_by_body, stepped
+from flight.contact import Contact, Ground
 from flight.ringing import Ringing, TwoMass
 
 Array = NDArray[np.float64]
@@ -106,7 +106,7 @@ def added_by_ground(data: EdgeData, points: Array, grounds: Array, times_s: Arra
         return np.zeros(into.shape)
     step_s = _HARD_STEP_S if data.hard else _SOFT_STEP_S
     contact = _contact_of(data, points, grounds, math.ceil(float(into.max()) / step_s) + 2)
-    felt = felt_by_body(*contact)
+    felt = contact.felt_by_body()
     place = np.maximum(into / step_s, 0.0).reshape(times_s.size, -1)
     low = place.astype(np.int64)
     share, column = place - low, np.arange(felt.shape[1])
@@ -122,14 +122,12 @@ def pushed(data: EdgeData, point: Array) -> tuple[Array, Array]:
     step_s = _HARD_STEP_S if data.hard else _SOFT_STEP_S
     into_s = float((data.way * (data.times_s - point[E.TIME])).max())
     count = math.ceil(max(into_s, 0.0) / step_s) + 2
-    states = stepped(*_contact_of(data, point[None], point[None, None, list(GROUND)], count))
+    states = _contact_of(data, point[None], point[None, None, list(GROUND)], count).stepped()
     return np.arange(count) * np.float64(step_s), states[:-1, 5, 0]
 
 
-def _contact_of(
-    data: EdgeData, points: Array, grounds: Array, steps: int
-) -> tuple[Array, float, Ground, float, float, float]:
-    """The arguments of `stepped` for grounds (s, n, 5), side by side."""
+def _contact_of(data: EdgeData, points: Array, grounds: Array, steps: int) -> Contact:
+    """The contact with grounds (s, n, 5), side by side."""
     step_s = _HARD_STEP_S if data.hard else _SOFT_STEP_S
     tau: Array = np.arange(steps) * np.float64(step_s)
     stiff = np.exp(grounds[:, :, E.STIFF]).ravel()
@@ -138,7 +136,7 @@ def _contact_of(
     ground = Ground(stiff, np.exp(grounds[:, :, E.YIELD]).ravel(), soft, data.way == TAKE_OFF)
     depth = _free_depth(data, points, grounds, tau).reshape(steps, -1)
     damping = 2.0 * data.way * data.spring.decay_1_s
-    return depth, step_s, ground, data.robot.leg_share, data.spring.stiffness_1_s2, damping
+    return Contact(depth, step_s, ground, data.robot.leg_share, data.spring.stiffness_1_s2, damping)
 
 
 def _free_depth(data: EdgeData, points: Array, grounds: Array, tau: Array) -> Array:

@@ -234,9 +234,8 @@ def show_diagnosis(outcome: Outcome, folder: Path) -> None:
         )
         for name, f in found.fit.items()
     ]
-    console.table(
-        "Held-out error (rms, free run)", ("channel", "unit", "nominal", "refit", "extended", "noise"), fits
-    )
+    headings = ("channel", "unit", "nominal", "refit", "extended", "noise")
+    console.table("Held-out error (rms)", headings, fits)
     reference = found.details.get("reference")
     if isinstance(reference, dict):
         headers = ("quantity", "unit", "found", "± 1σ", "published", "± 1σ", "apart")

@@ -74,7 +74,7 @@ class Growth:
         """As the table shows it."""
         slope, error = self.exponent
         points = ", ".join(
-            f"{size:g}: {1e3 * s:.3g} ms" for size, s in zip(self.sizes, self.seconds, strict=True)
+            f"{size:g}: {plain(1e3 * s, 3)} ms" for size, s in zip(self.sizes, self.seconds, strict=True)
         )
         return self.name, points, f"{slope:.2f} ± {error:.2f}"
 
@@ -90,10 +90,10 @@ def spread(values: Sequence[float]) -> str:
 def plain(value: float, digits: int) -> str:
     """So many digits, without an exponent where the number is large, in groups of three from ten thousand on."""
     short = f"{value:.{digits}g}"
-    if abs(value) < 1000.0:
+    rounded = float(short)
+    if abs(rounded) < 1000.0:
         return short
-    whole = f"{float(short):,.0f}"
-    return whole.replace(",", "\N{NO-BREAK SPACE}" if abs(value) >= 10_000.0 else "")
+    return f"{rounded:,.0f}".replace(",", "\N{NO-BREAK SPACE}" if abs(rounded) >= 10_000.0 else "")
 
 
 def seconds(job: Job) -> float:

@@ -55,9 +55,10 @@ def test_the_readme_shows_what_the_page_says() -> None:
     assert with_table(f"x\n{BEGIN}old\n{END}y\n", page(rows, [])).startswith(f"x\n{BEGIN}| measured | here |")
     with pytest.raises(ValueError, match=r"README\.md: has no lines"):
         with_table("x\n", page(rows, []))
-    assert [plain(value, 3) for value in (0.01234, 12.34, 1234.5, 1.2345e5, -2.0e4)] == [
+    assert [plain(value, 3) for value in (0.01234, 12.34, 999.96, 1234.5, 1.2345e5, -2.0e4)] == [
         "0.0123",
         "12.3",
+        "1000",
         "1230",
         "123\N{NO-BREAK SPACE}000",
         "-20\N{NO-BREAK SPACE}000",

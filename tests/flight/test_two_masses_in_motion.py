@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from flight.contact import Ground, _free_step, felt_by_body
+from flight.contact import Contact, Ground, _free_step
 from flight.ringing import Ringing, TwoMass
 
 LEG_SHARE, STIFFNESS_1_S2, DAMPING_1_S, STEP_S = 0.284, 20_000.0, 12.0, 2e-5
@@ -119,7 +119,9 @@ def test_a_free_step_is_the_matrix_exponential(stiffness_1_s2: float, damping_1_
 def test_the_first_push_is_that_of_the_first_depth_and_felt_by_half_its_impulse() -> None:
     """Nothing has moved yet: only the damper feels the push, on its way to the rate that it gives."""
     ground = Ground(np.array((4e4,)), np.array((40.0,)), np.array((1e4,)), True)
-    felt = felt_by_body(np.array(((1e-3,), (5e-3,))), STEP_S, ground, LEG_SHARE, STIFFNESS_1_S2, DAMPING_1_S)
+    felt = Contact(
+        np.array(((1e-3,), (5e-3,))), STEP_S, ground, LEG_SHARE, STIFFNESS_1_S2, DAMPING_1_S
+    ).felt_by_body()
     assert felt[0, 0] == pytest.approx(LEG_SHARE * DAMPING_1_S * 0.5 * STEP_S * 4e4 * 1e-3, rel=1e-12)
 
 
@@ -163,7 +165,7 @@ def test_the_ground_s_push_is_felt_as_the_equations_say(leaving: bool) -> None:
     """Two grounds side by side, one that gives way and one that does not."""
     ground = Ground(np.array((4e4, 9e4)), np.array((40.0, 60.0)), np.array((1e4, 9e4)), leaving)
     depth = fall(800)
-    felt = felt_by_body(depth, STEP_S, ground, LEG_SHARE, STIFFNESS_1_S2, DAMPING_1_S)
+    felt = Contact(depth, STEP_S, ground, LEG_SHARE, STIFFNESS_1_S2, DAMPING_1_S).felt_by_body()
     assert felt.shape == depth.shape
     for column in range(2):
         expected = integrated(ground, depth[:, column], column)
@@ -174,21 +176,23 @@ def test_the_ground_s_push_is_felt_as_the_equations_say(leaving: bool) -> None:
 def test_a_foot_that_starts_in_the_ground_is_pushed_from_the_first_step() -> None:
     ground = Ground(np.array((4e4,)), np.array((40.0,)), np.array((1e4,)), False)
     depth = np.full((400, 1), 1e-3)
-    felt = felt_by_body(depth, STEP_S, ground, LEG_SHARE, STIFFNESS_1_S2, DAMPING_1_S)
+    felt = Contact(depth, STEP_S, ground, LEG_SHARE, STIFFNESS_1_S2, DAMPING_1_S).felt_by_body()
     expected = integrated(ground, depth[:, 0], 0)
     np.testing.assert_allclose(felt[:, 0], expected, atol=0.02 * np.abs(expected).max())
 
 
 def test_a_foot_above_the_ground_feels_nothing() -> None:
     ground = Ground(np.array((4e4,)), np.array((40.0,)), np.array((1e4,)), False)
-    felt = felt_by_body(np.full((50, 1), -1e-3), STEP_S, ground, LEG_SHARE, STIFFNESS_1_S2, DAMPING_1_S)
+    felt = Contact(
+        np.full((50, 1), -1e-3), STEP_S, ground, LEG_SHARE, STIFFNESS_1_S2, DAMPING_1_S
+    ).felt_by_body()
     np.testing.assert_array_equal(felt, 0.0)
 
 
 def test_backwards_in_time_damping_feeds() -> None:
     ground = Ground(np.array((4e4,)), np.array((40.0,)), np.array((1e4,)), True)
     depth = fall(800)[:, :1]
-    felt = felt_by_body(depth, STEP_S, ground, LEG_SHARE, STIFFNESS_1_S2, -DAMPING_1_S)
+    felt = Contact(depth, STEP_S, ground, LEG_SHARE, STIFFNESS_1_S2, -DAMPING_1_S).felt_by_body()
     expected = integrated(ground, depth[:, 0], 0, damping=-DAMPING_1_S)
     np.testing.assert_allclose(felt[:, 0], expected, atol=0.02 * np.abs(expected).max())
 
