@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ground.diagnose.candidates import Candidate, EffectCandidate
+from ground.diagnose.candidates import FLIGHT, Candidate, EffectCandidate
 from ground.diagnose.crossval import HeldOut
 from ground.diagnose.fit import Fit
 from ground.diagnose.released import ReleasedParameter
@@ -30,22 +30,21 @@ TOLD = 0.1
 """A parameter is at an edge of its range when it is this near to it, and told to this share of the range."""
 NATS = 10.0
 """... and then with at least this gain in log predictive density."""
-ELSEWHERE = ("ballistic", "ground_contact", "body_momentum", "leg_momentum", "latch")
+ELSEWHERE = (FLIGHT, "ground_contact", "body_momentum", "leg_momentum", "latch")
 ELSEWHERE_ODDS = 0.1
 
 
 def likelihood_here(candidate: Candidate, plant: Plant) -> float:
     """Prior odds that one of several laws that act alike is the one at work here.
 
-    Something that falls (a drop, or an equation that a plant file calls ballistic) meets air; any other rig is more
-    often a mechanism than a body in the air or on soil. Further parameters cost what they cost in every comparison.
+    A rig is more often a mechanism than a body in the air or on soil, but for what its plant file calls ballistic.
+    Further parameters cost what they cost in every comparison.
     """
     simple = OCCAM**-candidate.parameters
     home = candidate.effect.equation if isinstance(candidate, EffectCandidate) else candidate.equation
     if plant.kind in ("drive", "hop") or home == "sensor":
         return simple
-    falls = plant.kind == "drop" or candidate.equation == "ballistic"
-    usual = home == "ballistic" if falls else home not in ELSEWHERE
+    usual = candidate.equation == FLIGHT or home not in ELSEWHERE
     return simple if usual else ELSEWHERE_ODDS * simple
 
 
@@ -80,7 +79,8 @@ def identified(candidate: Candidate, fit: Fit, segments: Sequence[Segment], with
 def significance(candidate: Candidate, fit: Fit, segments: Sequence[Segment], without: float) -> float:
     """How many of its own sigmas an effect's strength is from zero by its own fit.
 
-    Infinite for an effect that acts as a whole, and for one that is obvious beside chi-square `without` it.
+    Infinite for one that is obvious beside chi-square `without` it, and for one without parameters. Of an effect that
+    acts as a whole the best told parameter counts: where none is told, nothing acts.
 
     Its other parameters count as known: without strength they mean nothing, and one that no recording tells must
     not hide an effect that every recording shows.
@@ -90,9 +90,9 @@ def significance(candidate: Candidate, fit: Fit, segments: Sequence[Segment], wi
     if isinstance(candidate, ReleasedParameter):
         away = abs(fit.values[candidate.key] - candidate.stated)
         return float(away / max(candidate.tolerance, fit.std[candidate.key]))
+    own = [name for name in fit.values if name.startswith(f"{candidate.key}.")]
     strengths = [name for name in candidate.strengths() if name in fit.values]
-    if not strengths:
-        return math.inf
-    own = [name for name in fit.values if name.startswith(f"{candidate.key}.") and name not in strengths]
-    std = fit.std_given(own, segments)
-    return max(abs(fit.values[name]) / max(std[name], LEAST_SIGMA) for name in strengths)
+    known = [name for name in own if name not in strengths] if strengths else []
+    std = fit.std_given(known, segments)
+    told = (abs(fit.values[name]) / max(std[name], LEAST_SIGMA) for name in strengths or own)
+    return max(told, default=math.inf)

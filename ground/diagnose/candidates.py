@@ -26,6 +26,8 @@ PLACE_STARTS = (0.15, 0.325, 0.5, 0.675, 0.85)
 NARROW = 20.0
 """A range whose ends are closer than this factor is a stretch to be searched evenly."""
 BUILT_IN = ("drive", "hop", "axis", "drop")
+FLIGHT = "ballistic"
+"""The equation of what moves in the air alone, by the taxonomy."""
 
 
 class Candidate(Protocol):
@@ -189,7 +191,7 @@ def effect_candidates(plant: Plant, scales: Scales) -> tuple[EffectCandidate, ..
             use = EffectUse(effect.physics_id, equation, channel, {})
             if plant.prefix(use) in present or (channel is not None and channel not in scales):
                 continue
-            if plant.kind in BUILT_IN and not at_home(effect, use, plant):
+            if not at_home(effect, use, plant):
                 continue
             candidate = candidate_at(effect, use, plant, scales)
             if candidate is not None:
@@ -198,8 +200,16 @@ def effect_candidates(plant: Plant, scales: Scales) -> tuple[EffectCandidate, ..
 
 
 def at_home(effect: Effect, use: EffectUse, plant: Plant) -> bool:
-    """Whether an effect enters where the taxonomy puts it, or the plant has only one place to enter."""
-    return effect.kind == "sensor" or use.equation == effect.equation or len(plant.structure.balances) == 1
+    """Whether an effect can be at work in a place.
+
+    What falls freely touches nothing that could rub on it: an equation called ballistic takes what acts in the air
+    alone. In the built-in plants every effect enters where the taxonomy puts it, unless there is only one place.
+    """
+    if effect.kind == "sensor" or use.equation == effect.equation:
+        return True
+    if use.equation == FLIGHT:
+        return False
+    return plant.kind not in BUILT_IN or len(plant.structure.balances) == 1
 
 
 def candidate_at(effect: Effect, use: EffectUse, plant: Plant, scales: Scales) -> EffectCandidate | None:

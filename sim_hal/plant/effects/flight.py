@@ -44,7 +44,7 @@ DRAG_LINEAR = Effect(
     forms=(
         Form(
             parameters=(
-                EffectParameter("d", "N*s/m", "0.02 * F / V", "0", "F / V", strength=True, least=0.0),
+                EffectParameter("d", "N*s/m", "0.02 * F / V", "0", "5 * F / V", strength=True, least=0.0),
             ),
             force="-d * v",
         ),

@@ -34,7 +34,7 @@ VISCOUS = Effect(
         Form(
             parameters=(
                 EffectParameter(
-                    "F_v", "force/velocity", "0.02 * F / V", "0", "F / V", strength=True, least=0.0
+                    "F_v", "force/velocity", "0.02 * F / V", "0", "5 * F / V", strength=True, least=0.0
                 ),
             ),
             force="-F_v * v",
@@ -87,7 +87,7 @@ QUADRATIC = Effect(
                     "force/velocity**2",
                     "0.02 * F / V ** 2",
                     "0",
-                    "F / V ** 2",
+                    "5 * F / V ** 2",
                     strength=True,
                     least=0.0,
                 ),
