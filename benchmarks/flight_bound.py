@@ -44,7 +44,7 @@ def flight_bound_s(hop: SimulatedHop, fit: FlightFit) -> float:
         held[E.TIME] = _AT_TRUTH_S
         there = fit_edges(replace(data, prior_std=held), start[None], Heartbeat())[0].parameters
         jacobian = model(data, there[None])[1][0]
-        information = jacobian.T @ jacobian + np.diag(data.prior_std**-2.0)
+        information = jacobian @ jacobian.T + np.diag(data.prior_std**-2.0)
         scale = np.sqrt(np.diag(information))
         return float(np.linalg.inv(information / np.outer(scale, scale))[E.TIME, E.TIME] / scale[E.TIME] ** 2)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,15 +34,17 @@ class Ground:
     soft_1_s2: Array
     leaving: bool
 
-    def line(self) -> tuple[Array, Array, Array]:
-        """Force over leg mass is slope * depth less taken * deepest - borne: slope, taken, borne (n,).
+    def line(self) -> tuple[Array, Array, Array, Array]:
+        """Force over leg mass is slope * depth - taken * deepest, but never less than zero.
 
-        Where the foot comes back, ground takes nothing off before it bears more than it did: there never below zero.
+        Slope, taken, above, least (n,): both depths count from `above` the ground, and the deepest is never less than
+        `least`. Into a crater that is where the soft line would begin, and where it meets the stiff one.
         """
-        between = self.stiff_1_s2 - self.soft_1_s2
+        between, none = self.stiff_1_s2 - self.soft_1_s2, np.zeros_like(self.stiff_1_s2)
         if self.leaving:
-            return self.soft_1_s2, -between, np.zeros_like(between)
-        return self.stiff_1_s2, between, self.yield_m_s2 * between / self.stiff_1_s2
+            return self.soft_1_s2, -between, none, none
+        least = self.yield_m_s2 / self.soft_1_s2
+        return self.stiff_1_s2, between, least - self.yield_m_s2 / self.stiff_1_s2, least
 
 
 @dataclass(frozen=True)
@@ -62,46 +65,47 @@ class Contact:
 
     def felt_by_body(self) -> Array:
         """Extra acceleration of the body (steps, n) [m/s^2]."""
-        states = self.stepped()
+        delta, rate, *_, push = self.stepped()[:-1].swapaxes(0, 1)
         # Halfway through the impulse.
-        rate = states[:-1, 1] + 0.5 * self.step_s * states[:-1, 5]
-        felt = self.stiffness_1_s2 * states[:-1, 0] + self.damping_1_s * rate
-        return np.asarray(self.leg_share * felt, dtype=np.float64)
+        by_rate = self.leg_share * self.damping_1_s
+        felt = self.leg_share * self.stiffness_1_s2 * delta + by_rate * rate
+        felt += 0.5 * self.step_s * by_rate * push
+        return np.asarray(felt, dtype=np.float64)
 
     def stepped(self) -> Array:
-        """What the ground does to the two masses (steps + 1, 6, n).
+        """What the ground does to the two masses (steps + 1, 5, n).
 
-        Spring and centre of mass move exactly between the steps; at each step the ground's push gives its impulse.
-        Rows: extra delta and its rate, extra height of the centre of mass and its rate, extra height of the foot,
-        which is com + (m_b/M) delta; push over leg mass.
+        Spring and foot move exactly between the steps; at each step the ground's push gives its impulse.
+        Rows: extra delta and its rate, extra height of the foot and its rate; push over leg mass.
         """
-        columns = self.free_depth_m.shape[1]
-        states, move = np.zeros((len(self.free_depth_m) + 1, 6, columns)), self._move()
-        slope, taken, borne = self.ground.line()
-        remembers, leaving = bool(taken.any()), self.ground.leaving
-        deepest, depth, less = np.maximum(self.free_depth_m[0], 0.0), np.empty(columns), np.empty(columns)
-        for free_m, state, after in zip(self.free_depth_m, states, states[1:, :5], strict=False):
-            push = state[5]
-            np.subtract(free_m, state[4], out=depth)
+        slope, taken, above, least = self.ground.line()
+        move = _move(self.step_s, self.leg_share, self.stiffness_1_s2, self.damping_1_s)
+        free, columns = self.free_depth_m + above, self.free_depth_m.shape[1]
+        states, depth, less, zero = np.zeros((len(free) + 1, 5, columns)), *np.zeros((3, columns))
+        deepest, remembers = np.maximum(free[0], least), bool(taken.any())
+        steps = zip(free, states[:, 2], states[:, 4], states, states[1:, :4], strict=False)
+        for free_m, foot_m, push, state, after in steps:
+            np.subtract(free_m, foot_m, out=depth)
             np.multiply(slope, depth, out=push)
             if remembers:
                 np.maximum(deepest, depth, out=deepest)
                 np.multiply(taken, deepest, out=less)
-                if not leaving:
-                    less -= borne
-                    np.maximum(less, 0.0, out=less)
-                push -= less
-            np.maximum(push, 0.0, out=push)
-            np.matmul(move, state, out=after)
+                np.subtract(push, less, out=push)
+            np.maximum(push, zero, out=push)
+            np.dot(move, state, out=after)
         return states
 
-    def _move(self) -> Array:
-        """One step (5, 6): from a state with its push to the state after it."""
-        move = np.zeros((5, 6))
-        move[:4, :4] = _free_step(self.step_s, self.stiffness_1_s2, self.damping_1_s)
-        move[:4, 5] = move[:4, :4] @ (self.step_s * np.array((0.0, 1.0, 0.0, self.leg_share)))
-        move[4] = np.array((1.0 - self.leg_share, 0.0, 1.0, 0.0)) @ move[:4]
-        return move
+
+@lru_cache(maxsize=32)
+def _move(step_s: float, leg_share: float, stiffness_1_s2: float, damping_1_s: float) -> Array:
+    """One step (4, 5) of delta, foot = com + (m_b/M) delta and their rates, from a state with its push."""
+    foot = np.eye(4)  # of delta and centre of mass
+    foot[2, 0] = foot[3, 1] = 1.0 - leg_share
+    com = 2.0 * np.eye(4) - foot  # the other way
+    move = np.empty((4, 5))
+    move[:, :4] = foot @ _free_step(step_s, stiffness_1_s2, damping_1_s) @ com
+    move[:, 4] = move[:, :4] @ (step_s * np.array((0.0, 1.0, 0.0, 1.0)))
+    return move
 
 
 def _free_step(step_s: float, stiffness_1_s2: float, damping_1_s: float) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -44,7 +43,7 @@ class Edge:
     def time_s(self) -> float:
         return float(self.parameters[E.TIME])
 
-    @property
+    @cached_property
     def ringing(self) -> Ringing:
         return self.data.ringing_of(self.parameters)
 
@@ -66,7 +65,7 @@ class Edge:
         steep = 2.0 * math.log(sigma * max(forwards, _LEAST_SHARE))
         return self.cost - float(np.linalg.slogdet(self.covariance)[1]) - steep
 
-    @property
+    @cached_property
     def foot_speed_sigmas(self) -> float:
         """The foot's speed at the edge over what the fit leaves open of it."""
         return self.foot_speed_m_s / self._foot_speed_sigma_m_s
@@ -80,7 +79,7 @@ class Edge:
         square = slope**2 * of[E.TIME, E.TIME] + 2.0 * slope * of[E.TIME, E.SPEED] + of[E.SPEED, E.SPEED]
         return max(math.sqrt(max(square, 0.0)), _LEAST_M_S)
 
-    @property
+    @cached_property
     def foot_speed_m_s(self) -> float:
         """Upward speed of the foot where it leaves the ground, or downward where it comes back."""
         data = self.data
@@ -106,12 +105,10 @@ class Edge:
 
 def fit_edges(data: EdgeData, starts: Array, heartbeat: Heartbeat) -> list[Edge]:
     """Levenberg-Marquardt from all `starts` (s, 11) at once; those that lead nowhere are left out."""
-    weight = 1.0 / data.prior_std
     points = starts.copy()
     damping, running = np.full(len(points), 1e-3), np.ones(len(points), dtype=np.bool_)
     with np.errstate(all="ignore"):  # what overflows is refused
-        left, jacobian = model(data, points)
-        costs = _costs(data, left, jacobian, points)
+        costs, left, normal, gradient = _looked_at(data, points)
         running &= np.isfinite(costs)
         for step in range(_MAX_STEPS):
             if step >= _HOPELESS[0]:
@@ -120,71 +117,67 @@ def fit_edges(data: EdgeData, starts: Array, heartbeat: Heartbeat) -> list[Edge]
             if not now.size:
                 break
             heartbeat.beat()
-            trial = points[now] + _moves(data, points[now], left[now], jacobian[now], damping[now])
-            trial_left, trial_jacobian = model(data, trial)
-            trial_costs = _costs(data, trial_left, trial_jacobian, trial)
-            gains = costs[now] - trial_costs
+            trial = points[now] + _moves(data, points[now], normal[now], gradient[now], damping[now])
+            tried = _looked_at(data, trial)
+            gains = costs[now] - tried[0]
             good = gains >= 0.0
-            better = now[good]
-            points[better], left[better], jacobian[better] = (
-                trial[good],
-                trial_left[good],
-                trial_jacobian[good],
-            )
-            costs[better] = trial_costs[good]
+            for own, new in zip((points, costs, left, normal, gradient), (trial, *tried), strict=True):
+                own[now[good]] = new[good]
             damping[now] *= np.where(good, 0.1, 10.0)
             enough = _ENOUGH + _ENOUGH_SHARE * np.maximum(costs[now] - 2.0 * data.times_s.size, 0.0)
             running[now] = np.where(good, gains > enough, damping[now] < _GIVE_UP_DAMPING)
     kept = np.flatnonzero(np.isfinite(costs))
-    normal = jacobian[kept].swapaxes(1, 2) @ jacobian[kept] + np.diag(weight**2)
-    scale = np.sqrt(np.einsum("sii->si", normal))
+    scale = np.sqrt(normal[kept].diagonal(axis1=1, axis2=2))
     square = scale[:, :, None] * scale[:, None, :]
-    covariance = np.linalg.inv(normal / square) / square
+    covariance = np.linalg.inv(normal[kept] / square) / square
     return [
         Edge(data, points[index], covariance[row], left[index], float(costs[index]))
         for row, index in enumerate(kept.tolist())
     ]
 
 
-def _moves(data: EdgeData, points: Array, left: Array, jacobian: Array, damping: Array) -> Array:
+def _looked_at(data: EdgeData, points: Array) -> tuple[Array, Array, Array, Array]:
+    """Costs (s,), infinite where a model is; residuals (s, n); normal equations (s, 11, 11) and gradient (s, 11)."""
+    left, jacobian = model(data, points)
+    off = points - data.prior_mean
+    pull = off @ data.prior_weight
+    normal = jacobian @ jacobian.swapaxes(1, 2)
+    normal += data.prior_weight
+    gradient = (jacobian @ left[:, :, None])[:, :, 0] - pull
+    costs = (left[:, None, :] @ left[:, :, None])[:, 0, 0] + (off * pull).sum(axis=1)
+    finite = np.isfinite(costs + normal.trace(axis1=1, axis2=2))
+    return np.where(finite, costs, np.inf), left, normal, gradient
+
+
+def _moves(data: EdgeData, points: Array, normal: Array, gradient: Array, damping: Array) -> Array:
     """Damped steps (s, 11), each parameter in its own scale."""
-    square_weight = data.prior_std**-2.0
-    normal = jacobian.swapaxes(1, 2) @ jacobian + np.diag(square_weight)
-    gradient = np.einsum("snp,sn->sp", jacobian, left) - (points - data.prior_mean) * square_weight
-    scale = np.sqrt(np.einsum("sii->si", normal))
-    lifted = normal / (scale[:, :, None] * scale[:, None, :]) + damping[:, None, None] * np.eye(
-        scale.shape[1]
-    )
+    scale = np.sqrt(normal.diagonal(axis1=1, axis2=2))
+    lifted = normal / (scale[:, :, None] * scale[:, None, :])
+    lifted[:, range(len(E)), range(len(E))] += damping[:, None]
     moves = np.linalg.solve(lifted, (gradient / scale)[..., None])[..., 0] / scale
     off_s = points[:, E.TIME] - data.prior_mean[E.TIME]
-    limited = np.clip(moves[:, E.TIME], -_MOST_MOVE_S, _MOST_MOVE_S)
-    moves[:, E.TIME] = np.clip(off_s + limited, -_FURTHEST_S, _FURTHEST_S) - off_s
+    limited = np.minimum(np.maximum(moves[:, E.TIME], -_MOST_MOVE_S), _MOST_MOVE_S)
+    moves[:, E.TIME] = np.minimum(np.maximum(off_s + limited, -_FURTHEST_S), _FURTHEST_S) - off_s
     return np.asarray(moves, dtype=np.float64)
-
-
-def _costs(data: EdgeData, left: Array, jacobian: Array, points: Array) -> Array:
-    """Costs (s,); infinite where a model has no finite value."""
-    off = (points - data.prior_mean) / data.prior_std
-    costs = np.sum(left**2, axis=1) + np.sum(off**2, axis=1) + 0.0 * np.sum(jacobian, axis=(1, 2))
-    return np.where(np.isfinite(costs), costs, np.inf)
 
 
 def starts(data: EdgeData, tried: Mapping[E, Sequence[float]], most: int, apart_s: float) -> Array:
     """The most promising starts (s, 11): all combinations of what is `tried` for parameters of the ground."""
     p = data.prior_mean
     ringing = data.ringing_of(p)
-    grid = np.array(list(itertools.product(*(tried.get(name, (p[name],)) for name in GROUND))))
+    axes = np.meshgrid(*(tried.get(name, (p[name],)) for name in GROUND), indexing="ij")
+    grid = np.stack(axes, axis=-1).reshape(-1, len(GROUND))
     edges_s = grid[:, E.TIME]
     outer = data.way * (data.times_s - (edges_s.min() if data.way > 0.0 else edges_s.max())) > -1e-3
     times = data.times_s[outer]
     left = data.motion_m_s2[outer] - ringing.acceleration_m_s2(times) - p[E.OFFSET]
-    left = left - p[E.FRICTION] * ringing.half_turns(times, float(p[E.TIME]))
+    if p[E.FRICTION]:
+        left = left - p[E.FRICTION] * ringing.half_turns(times, float(p[E.TIME]))
     rough = _ROUGH[data.hard]
     with np.errstate(all="ignore"):
         added = added_by_ground(data, p[None], grid[None], times)[:, 0]
-        misses = (left[:, None] - added) ** 2 / (
-            data.noise_m_s2**2 + (rough * added) ** 2 + (rough * left[:, None]) ** 2
-        )
+        known = data.noise_m_s2**2 + (rough * left[:, None]) ** 2
+        misses = (left[:, None] - added) ** 2 / (known + (rough * added) ** 2)
     order = np.argsort(np.nan_to_num(misses.sum(axis=0), nan=np.inf))
     found: list[Array] = []
     while order.size and len(found) < most:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,27 @@ class EdgeData:
     prior_mean: Array
     prior_std: Array
 
+    @cached_property
+    def acting(self) -> tuple[E, ...]:
+        """What the samples can tell of the ground: hard ground gives nothing, one that is left has borne more."""
+        hard, leaving = self.hard, self.way == TAKE_OFF
+        return GROUND[:3] if hard else (*GROUND[:3], E.SOFT) if leaving else GROUND
+
+    @cached_property
+    def moved(self) -> Array:
+        """What is added to a ground (1 + a, 5) for the derivatives: nothing, then a step of each that is acting."""
+        return np.vstack((np.zeros(len(GROUND)), np.diag(_STEP)[list(self.acting)]))
+
+    @cached_property
+    def tau_s(self) -> Array:
+        """Times (n,) from where the edge was first put."""
+        return np.asarray(self.times_s - self.prior_mean[E.TIME], dtype=np.float64)
+
+    @cached_property
+    def prior_weight(self) -> Array:
+        """Of the prior in the normal equations (11, 11)."""
+        return np.diag(self.prior_std**-2.0)
+
     def ringing_of(self, p: Array) -> Ringing:
         """The free ringing of a parameter vector; its reference is where the edge was first put."""
         return Ringing(
@@ -65,35 +87,43 @@ class EdgeData:
 
 
 def model(data: EdgeData, points: Array) -> tuple[Array, Array]:
-    """Of parameters (s, 11) the residuals (s, n) in noise sigmas, and the model's Jacobian (s, n, 11) in the same."""
-    tau = data.times_s - data.prior_mean[E.TIME]
-    p = points[:, :, None]
-    fade = np.exp(-p[:, E.DECAY] * tau)
-    cosine, sine = fade * np.cos(p[:, E.OMEGA] * tau), fade * np.sin(p[:, E.OMEGA] * tau)
-    wave = p[:, E.COSINE] * cosine + p[:, E.SINE] * sine
-    jacobian = np.zeros((*wave.shape, len(E)))
-    jacobian[..., E.OMEGA] = tau * (p[:, E.SINE] * cosine - p[:, E.COSINE] * sine)
-    jacobian[..., E.DECAY] = -tau * wave
-    jacobian[..., E.COSINE], jacobian[..., E.SINE], jacobian[..., E.OFFSET] = cosine, sine, 1.0
-    predicted = wave + p[:, E.OFFSET]
+    """Of parameters (s, 11) the residuals (s, n) in noise sigmas, and the model's Jacobian (s, 11, n) in the same.
+
+    What the ringing's parameters change of the foot's path into the ground is left out of the Jacobian.
+    """
+    tau, per_noise = data.tau_s, 1.0 / data.noise_m_s2
+    p = points.T[:, :, None]
+    jacobian = np.zeros((len(points), len(E), tau.size))
+    fade, turn = np.exp(-p[E.DECAY] * tau) * per_noise, p[E.OMEGA] * tau
+    cosine = np.multiply(fade, np.cos(turn), out=jacobian[:, E.COSINE])
+    sine = np.multiply(fade, np.sin(turn), out=jacobian[:, E.SINE])
+    wave = p[E.COSINE] * cosine + p[E.SINE] * sine
+    np.multiply(tau, p[E.SINE] * cosine - p[E.COSINE] * sine, out=jacobian[:, E.OMEGA])
+    np.multiply(-tau, wave, out=jacobian[:, E.DECAY])
+    jacobian[:, E.OFFSET] = per_noise
+    left = (data.motion_m_s2 - p[E.OFFSET]) * per_noise - wave
     if data.prior_std[E.FRICTION] > 1e-6:
         for index, point in enumerate(points):
-            rubbed = data.ringing_of(point).half_turns(data.times_s, float(point[E.TIME]))
-            jacobian[index, :, E.FRICTION] = rubbed
-            predicted[index] += point[E.FRICTION] * rubbed
-    touched = np.flatnonzero(np.any(data.way * (data.times_s - p[:, E.TIME]) > _UNTOUCHED_S, axis=0))
-    if touched.size:
-        extra = _contact(data, points, data.times_s[touched])
-        predicted[:, touched] += extra[:, :, 0]
-        jacobian[:, touched, : len(GROUND)] = (extra[:, :, 1:] - extra[:, :, :1]) / _STEP
-    return (data.motion_m_s2 - predicted) / data.noise_m_s2, jacobian / data.noise_m_s2
+            rubbed = data.ringing_of(point).half_turns(data.times_s, float(point[E.TIME])) * per_noise
+            jacobian[index, E.FRICTION] = rubbed
+            left[index] -= point[E.FRICTION] * rubbed
+    touched = _touched(data, points)
+    if data.times_s[touched].size:
+        grounds = points[:, None, : len(GROUND)] + data.moved
+        extra = added_by_ground(data, points, grounds, data.times_s[touched]) * per_noise
+        left[:, touched] -= extra[:, :, 0].T
+        extra[:, :, 1:] -= extra[:, :, :1]
+        for row, name in enumerate(data.acting, start=1):
+            np.divide(extra[:, :, row].T, _STEP[name], out=jacobian[:, name, touched])
+    return left, jacobian
 
 
-def _contact(data: EdgeData, points: Array, times_s: Array) -> Array:
-    """What the ground adds at times (m,): (s, m, 6) for the parameters, and each ground parameter moved."""
-    moved = np.repeat(points[:, None, list(GROUND)], 6, axis=1)
-    moved[:, 1:] += np.diag(_STEP)
-    return added_by_ground(data, points, moved, times_s).swapaxes(0, 1)
+def _touched(data: EdgeData, points: Array) -> slice:
+    """Samples in contact by any of the parameters (s, 11): the first before take-off, the last after touchdown."""
+    if data.way == TAKE_OFF:
+        return slice(0, int(np.searchsorted(data.times_s, points[:, E.TIME].max() - _UNTOUCHED_S)))
+    first = np.searchsorted(data.times_s, points[:, E.TIME].min() + _UNTOUCHED_S, side="right")
+    return slice(int(first), None)
 
 
 def added_by_ground(data: EdgeData, points: Array, grounds: Array, times_s: Array) -> Array:
@@ -102,16 +132,18 @@ def added_by_ground(data: EdgeData, points: Array, grounds: Array, times_s: Arra
     The foot's path follows from the ringing in the parameters `points` (s, 11).
     """
     into = data.way * (times_s[:, None, None] - grounds[:, :, E.TIME])
-    if times_s.size == 0 or float(into.max()) <= 0.0:
+    if times_s.size == 0 or (longest_s := float(into.max())) <= 0.0:
         return np.zeros(into.shape)
     step_s = _HARD_STEP_S if data.hard else _SOFT_STEP_S
-    contact = _contact_of(data, points, grounds, math.ceil(float(into.max()) / step_s) + 2)
+    contact = _contact_of(data, points, grounds, math.ceil(longest_s / step_s) + 2)
     felt = contact.felt_by_body()
     place = np.maximum(into / step_s, 0.0).reshape(times_s.size, -1)
     low = place.astype(np.int64)
-    share, column = place - low, np.arange(felt.shape[1])
-    felt = (1.0 - share) * felt[low, column] + share * felt[low + 1, column]
-    return np.asarray(felt.reshape(into.shape), dtype=np.float64)
+    place -= low
+    low *= felt.shape[1]
+    low += np.arange(felt.shape[1])
+    before, after = felt.take(low), felt.take(low + felt.shape[1])
+    return np.asarray((before + place * (after - before)).reshape(into.shape), dtype=np.float64)
 
 
 def pushed(data: EdgeData, point: Array) -> tuple[Array, Array]:
@@ -123,17 +155,16 @@ def pushed(data: EdgeData, point: Array) -> tuple[Array, Array]:
     into_s = float((data.way * (data.times_s - point[E.TIME])).max())
     count = math.ceil(max(into_s, 0.0) / step_s) + 2
     states = _contact_of(data, point[None], point[None, None, list(GROUND)], count).stepped()
-    return np.arange(count) * np.float64(step_s), states[:-1, 5, 0]
+    return np.arange(count) * np.float64(step_s), states[:-1, 4, 0]
 
 
 def _contact_of(data: EdgeData, points: Array, grounds: Array, steps: int) -> Contact:
     """The contact with grounds (s, n, 5), side by side."""
     step_s = _HARD_STEP_S if data.hard else _SOFT_STEP_S
     tau: Array = np.arange(steps) * np.float64(step_s)
-    stiff = np.exp(grounds[:, :, E.STIFF]).ravel()
-    given = np.exp(grounds[:, :, E.SOFT]).ravel()
+    stiff, borne, given = np.exp(grounds.reshape(-1, len(GROUND)).T[[E.STIFF, E.YIELD, E.SOFT]])
     soft = stiff if data.hard else stiff * given / (stiff + given)
-    ground = Ground(stiff, np.exp(grounds[:, :, E.YIELD]).ravel(), soft, data.way == TAKE_OFF)
+    ground = Ground(stiff, borne, soft, data.way == TAKE_OFF)
     depth = _free_depth(data, points, grounds, tau).reshape(steps, -1)
     damping = 2.0 * data.way * data.spring.decay_1_s
     return Contact(depth, step_s, ground, data.robot.leg_share, data.spring.stiffness_1_s2, damping)
@@ -141,12 +172,15 @@ def _contact_of(data: EdgeData, points: Array, grounds: Array, steps: int) -> Co
 
 def _free_depth(data: EdgeData, points: Array, grounds: Array, tau: Array) -> Array:
     """How deep below the edge's height the foot would be on its free path (steps, s, n)."""
-    robot, edges_s, tau = data.robot, grounds[:, :, E.TIME], tau[:, None, None]
+    robot, edges_s = data.robot, grounds[:, :, E.TIME]
     speed = data.speed_m_s - robot.gravity_m_s2 * (edges_s - data.speed_at_s)
-    rise = (data.way * speed - grounds[:, :, E.SPEED]) * tau - 0.5 * robot.gravity_m_s2 * tau**2
     pole = (1j * points[:, E.OMEGA] - points[:, E.DECAY])[:, None]
     phasor = (points[:, E.COSINE] - 1j * points[:, E.SINE])[:, None]
-    there = phasor * np.exp(pole * (edges_s - data.prior_mean[E.TIME])) / (-robot.leg_share * pole**2)
-    turned = np.exp(pole * data.way * tau) - 1.0
-    swung = there.real * turned.real - there.imag * turned.imag
-    return np.asarray(-(rise + (1.0 - robot.leg_share) * swung), dtype=np.float64)
+    swing = (robot.leg_share - 1.0) / robot.leg_share * phasor / pole**2
+    swing = swing * np.exp(pole * (edges_s - data.prior_mean[E.TIME]))
+    turned = (np.exp(tau[:, None] * (data.way * pole[:, 0])) - 1.0)[:, :, None]
+    depth = (grounds[:, :, E.SPEED] - data.way * speed) * tau[:, None, None]
+    depth += (0.5 * robot.gravity_m_s2 * tau**2)[:, None, None]
+    depth -= swing.real * turned.real
+    depth += swing.imag * turned.imag
+    return np.asarray(depth, dtype=np.float64)

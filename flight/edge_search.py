@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +72,11 @@ class Scene:
     load_n: float  # the most that the ground bore at rest and in the push, roughly
     heartbeat: Heartbeat
 
+    @cached_property
+    def step_s(self) -> float:
+        """From one sample to the next."""
+        return float(np.median(np.diff(self.times_s)))
+
 
 def look_at_end(scene: Scene, stretch: Stretch, way: float, omega_std: float) -> EndOfFlight:
     """Fit the ringing next to one end, and follow it outwards until it fails."""
@@ -118,11 +124,10 @@ def best_edge(
     """
     data = _edge_data(scene, end, hard, speed_m_s, speed_at_s, other)
     bounced = hard and end.way == TAKE_OFF
-    step_s = float(np.median(np.diff(scene.times_s)))
-    begins = starts(data, _tried(data, end, step_s, other), _MOST_STARTS[bounced], _APART_S[bounced])
+    begins = starts(data, _tried(data, end, scene.step_s, other), _MOST_STARTS[bounced], _APART_S[bounced])
     edges = fit_edges(data, begins, scene.heartbeat)
     if bounced and edges:
-        more = _closer(data, end, step_s, min(edges, key=lambda edge: edge.cost), enough)
+        more = _closer(data, end, scene.step_s, min(edges, key=lambda edge: edge.cost), enough)
         edges += fit_edges(data, more, scene.heartbeat) if more is not None else []
     least = min((edge.cost / data.times_s.size for edge in edges), default=math.inf)
     edges = _plausible(edges)
@@ -207,8 +212,7 @@ def _edge_data(
     touchdown = end.way != TAKE_OFF
     t, expected, ground = scene.times_s, scene.expected, scene.ground
     edge_s = end.strange_s
-    step = float(np.median(np.diff(t)))
-    into = max(_INTO_S[touchdown, hard], 1.6 * step)
+    into = max(_INTO_S[touchdown, hard], 1.6 * scene.step_s)
     low, high = end.inner_s
     low, high = (low, end.strange_s + into) if touchdown else (end.strange_s - into, high)
     chosen = (t >= low) & (t <= high)

@@ -94,14 +94,11 @@ def _lowest(edge: Edge) -> _Lowest | None:
     """The first lowest point of the foot's free path after it left, by a parabola through three looks."""
     data, ringing = edge.data, edge.ringing
     tau = np.arange(0.0, _STEPS) * _STEP_S
-    swung = np.array([ringing.compression(edge.time_s + t, data.robot)[0] for t in tau])
+    away = -ringing.phasor(edge.time_s) / (data.robot.leg_share * ringing.pole**2)
+    swung = (away * (np.exp(ringing.pole * tau) - 1.0)).real
     com = data.speed_m_s - data.robot.gravity_m_s2 * (edge.time_s - data.speed_at_s)
     speed = com + float(edge.parameters[E.SPEED])
-    height = (
-        speed * tau
-        - 0.5 * data.robot.gravity_m_s2 * tau**2
-        + (1.0 - data.robot.leg_share) * (swung - swung[0])
-    )
+    height = speed * tau - 0.5 * data.robot.gravity_m_s2 * tau**2 + (1.0 - data.robot.leg_share) * swung
     low = np.flatnonzero((height[1:-1] < height[:-2]) & (height[1:-1] <= height[2:])) + 1
     if not low.size:
         return None
@@ -120,9 +117,9 @@ def _kick(edge: Edge, at_s: float) -> tuple[float, float, float]:
     data = edge.data
     left, jacobian = (each[0] for each in model(data, edge.parameters[None]))
     column = _unit_kick(data, edge, at_s) / data.noise_m_s2
-    covariance = np.linalg.inv(jacobian.T @ jacobian + np.diag(data.prior_std**-2.0))
-    moved = covariance @ (jacobian.T @ column)
-    information = float(column @ column - (jacobian.T @ column) @ moved)
+    covariance = np.linalg.inv(jacobian @ jacobian.T + np.diag(data.prior_std**-2.0))
+    moved = covariance @ (jacobian @ column)
+    information = float(column @ column - (jacobian @ column) @ moved)
     between = int(np.sum((data.times_s > edge.time_s) & (data.times_s < at_s)))
     temper = 1.0 + (_FEW / max(between, 1)) ** 2
     sigma = max(1.0, edge.misfits()[0]) * math.sqrt(temper / max(information, 1e-12))

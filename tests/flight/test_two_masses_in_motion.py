@@ -199,13 +199,15 @@ def test_backwards_in_time_damping_feeds() -> None:
 
 def test_the_line_of_a_ground_is_its_two_slopes() -> None:
     """Force over depth on first loading (depth = deepest) and on the way back, in numbers."""
+
+    def force(ground: Ground, depth: float, deepest: float) -> float:
+        (slope,), (taken,), (above,), (least,) = ground.line()
+        return float(max(slope * (depth + above) - taken * max(deepest + above, least), 0.0))
+
     crater = Ground(np.array((4.0,)), np.array((2.0,)), np.array((1.0,)), False)
-    (slope,), (taken,), (borne,) = crater.line()
-    assert slope * 1.0 - (taken * 1.0 - borne) == 2.0 + 1.0 * (
-        1.0 - 0.5
-    )  # beyond the yield along the soft slope
-    assert slope * 0.75 - (taken * 1.0 - borne) == 2.5 - 4.0 * 0.25  # back along the stiff one
+    assert force(crater, 0.25, 0.25) == 1.0  # below the yield along the stiff slope
+    assert force(crater, 1.0, 1.0) == 2.0 + 1.0 * (1.0 - 0.5)  # beyond it along the soft one
+    assert force(crater, 0.75, 1.0) == 2.5 - 4.0 * 0.25  # back along the stiff one
     leaving = Ground(np.array((4.0,)), np.array((2.0,)), np.array((1.0,)), True)
-    (slope,), (taken,), (borne,) = leaving.line()
-    assert slope * 1.0 - (taken * 1.0 - borne) == 4.0
-    assert slope * 0.5 - (taken * 1.0 - borne) == 4.0 - 1.0 * 0.5
+    assert force(leaving, 1.0, 1.0) == 4.0
+    assert force(leaving, 0.5, 1.0) == 4.0 - 1.0 * 0.5
