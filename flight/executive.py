@@ -252,10 +252,10 @@ class _Executive:
     def _evaluate(self) -> None:
         fire_s = self.machine.fire_s
         assert fire_s is not None
-        report = self.pilot.evaluate(self.recorder.record(fire_s), Heartbeat(self._stroke))
+        report = self.pilot.evaluate(self.recorder.record(fire_s), Heartbeat(self._stroke)).as_payload()
         self.recorder.rest()
-        self.log.write("hop", self._now_s, report.as_payload())
-        self._send("hop", report.as_payload())
+        self.log.write("hop", self._now_s, report)
+        self._send("hop", report)
         unkept = self._ground.keep(self.pilot.ground.record())
         if unkept:
             self._event(unkept)

@@ -17,7 +17,6 @@ from hal.readings import (
     Switches,
 )
 from sim_hal.rig import Rig
-from sim_hal.sensors import Sample
 
 
 class SimDevice:
@@ -104,30 +103,23 @@ class _Sampled(SimDevice):
         self._sensor = rig.sensors[name]
 
 
-class _Polled(_Sampled):
-    """A sensor that is asked for its newest sample."""
-
-    def _latest(self) -> Sample:
-        self._require_reading()
-        return self._sensor.poll()
-
-
-class SimNutEncoder(_Polled):
+class SimNutEncoder(_Sampled):
     """Nut travel from its position at power-up."""
 
     def read(self) -> NutPosition:
         """The latest position."""
-        sample = self._latest()
-        return NutPosition(sample.time_s, sample.value)
+        self._require_reading()
+        return NutPosition(*self._sensor.poll())
 
 
-class SimMotorCurrentSensor(_Polled):
+class SimMotorCurrentSensor(_Sampled):
     """Current of the tensioning motor."""
 
     def read(self) -> MotorCurrent:
         """The latest current."""
-        sample = self._latest()
-        return MotorCurrent(sample.time_s, sample.value, self._rig.supply_v)
+        self._require_reading()
+        time_s, current_a = self._sensor.poll()
+        return MotorCurrent(time_s, current_a, self._rig.supply_v)
 
 
 class SimSwitches(SimDevice):

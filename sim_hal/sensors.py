@@ -152,13 +152,15 @@ class SampledSensor:
             start, end = self._draw_ahead(start, count)
         if fault is not None:
             return self._record_broken(instants, truth, start, fault)
-        if not isinstance(truth, float):
-            self._keep(instants, *self._measured(truth, start))
-            return False
-        still = self._still
-        if still is None or still[0] != truth:
-            still = self._of_still(truth)
-        self._keep(instants, still[1][start:end], still[2][start:end])
+        if isinstance(truth, float):
+            still = self._still
+            if still is None or still[0] != truth:
+                still = self._of_still(truth)
+            self._keep((instants, still[1][start:end], still[2][start:end]))
+        elif count == 1:  # at each tick of several sensors
+            self._keep(self._one(instants, truth[0], self._noise[start]))
+        else:
+            self._keep((instants, *self._measured(truth, start)))
         return False
 
     def _record_broken(
@@ -168,7 +170,7 @@ class SampledSensor:
         true = (truth,) * len(instants) if isinstance(truth, float) else truth
         if fault.kind in ("silent", "fail"):
             return True
-        self._keep(instants, *self._measured(true, start, fault))
+        self._keep((instants, *self._measured(true, start, fault)))
         assert self._newest is not None
         return list(self._newest[1]) != list(self._measured(true, start)[0])
 
@@ -189,16 +191,21 @@ class SampledSensor:
         self._still = truth, tuple(values.tolist()), tuple((~inside).tolist())
         return self._still
 
+    def _one(self, instants: Sequence[float], true: float, noise: float) -> Piece:
+        """As `_measured`, of one sample."""
+        mode, step = self._mode, self.step
+        value = true + mode.noise_std * noise
+        if step > 0.0:
+            value = round(value / step) * step
+        if mode.low < value < mode.high:
+            return instants, (value,), _INSIDE
+        return instants, (max(mode.low, min(mode.high, value)),), _AT_END
+
     def _measured(
         self, truth: Sequence[float], start: int, fault: Fault | None = None
     ) -> tuple[Sequence[float], Sequence[bool]]:
         """What the noise from `start` on makes of true values; and whether each is at the range's end."""
         step, sigma, low, high = self.step, self._mode.noise_std, self._mode.low, self._mode.high
-        if len(truth) == 1 and fault is None:  # at each tick of several sensors
-            value = truth[0] + sigma * self._noise[start]
-            if step > 0.0:
-                value = round(value / step) * step
-            return ((value,), _INSIDE) if low < value < high else ((max(low, min(high, value)),), _AT_END)
         # plain numbers: most batches are of a few samples, for which arrays take longer
         noises = self._noise[start : start + len(truth)]
         shown = [true + sigma * noise for true, noise in zip(truth, noises, strict=True)]
@@ -212,15 +219,16 @@ class SampledSensor:
         shown = [max(low, min(high, value)) for value in shown]
         return shown, [not low < value < high for value in shown]
 
-    def _keep(self, times_s: Sequence[float], shown: Sequence[float], saturated: Sequence[bool]) -> None:
+    def _keep(self, piece: Piece) -> None:
         """To the FIFO, which loses its oldest samples when it is full: pieces here, the rest when it is drained."""
-        self._newest = times_s, shown, saturated
-        self._fifo.append(self._newest)
-        self._waiting += len(times_s)
+        self._newest = piece
+        fifo = self._fifo
+        fifo.append(piece)
+        self._waiting += len(piece[0])
         if self._waiting > self._depth:
             self._overrun = True
-            while self._waiting - len(self._fifo[0][0]) >= self._depth:
-                self._waiting -= len(self._fifo.popleft()[0])
+            while self._waiting - len(fifo[0][0]) >= self._depth:
+                self._waiting -= len(fifo.popleft()[0])
 
     def drain(self) -> Batch:
         """All samples since the last call, and whether older ones were lost before them."""
@@ -237,18 +245,24 @@ class SampledSensor:
         self._waiting, self._overrun = 0, False
         return tuple(times_s), tuple(values), tuple(saturated), overrun
 
-    def poll(self) -> Sample:
-        """The newest sample, as `latest`; none waits any more."""
+    def poll(self) -> tuple[float, float]:
+        """Time and value of the newest sample, however old; none waits any more. Raises `ReadFailed` as `latest`."""
         self._fifo.clear()
         self._waiting = 0
-        return self.latest()
+        if self._newest is None:
+            raise self._nothing_yet()
+        times_s, values, _ = self._newest
+        return times_s[-1], values[-1]
 
     def latest(self) -> Sample:
         """The newest sample, however old. Raises `ReadFailed` when there was none yet."""
         if self._newest is None:
-            raise ReadFailed(f"{self.name}: no sample yet")
+            raise self._nothing_yet()
         times_s, values, saturated = self._newest
         return Sample(times_s[-1], values[-1], saturated[-1])
+
+    def _nothing_yet(self) -> ReadFailed:
+        return ReadFailed(f"{self.name}: no sample yet")
 
 
 def _joined(pieces: Collection[Piece]) -> Piece:

@@ -9,9 +9,9 @@ off and the robot at rest.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
+from sim_hal.coil import Coil
 from sim_hal.drive import TensioningDrive
 from sim_hal.hop import Hop, standing_reading_m_s2
 from sim_hal.plant.plantfile import plant_document, read_plant
@@ -157,35 +157,46 @@ class World:
         of_drive = {to_s, *wanted[NUT], *wanted[CURRENT]}
         if hop is None:
             truth = self._stand(of_drive, wanted)
-        elif hop.opened:
-            truth = self._fly(hop, of_drive, wanted)
         else:
-            truth = self._release(hop, of_drive, wanted)
-        if hop is not None and hop.at_rest:
-            self._end_hop(hop)
+            truth = (self._fly if hop.opened else self._release)(hop, of_drive, wanted)
+            if hop.at_rest:
+                self._end_hop(hop)
         if not self.latch_closed:
             self._close_latch_at_home()
         return truth
 
     def _stand(self, of_drive: set[float], wanted: Mapping[str, Sequence[float]]) -> Truth:
         """Without a hop nothing moves but the drive; one that holds no spring is read on demand."""
-        seen: dict[float, tuple[float, float, float]] = {}
-        drive, instants = self._drive, of_drive.union(wanted[SPRING])
-        for at_s in sorted(instants) if len(instants) > 1 else instants:
-            if self.latch_closed or at_s in of_drive:
-                self._drive_until(at_s)
-            seen[at_s] = drive.position_m - self._power_up_m, drive.current_a, drive.spring_compression_m
-            self.now_s = at_s
-        if len(seen) == 1:  # nearly always: all that samples the drive does so at the end of a tick
-            [row] = seen.values()
-            truth: Truth = {name: (row[place],) * len(wanted[name]) for place, name in enumerate(OF_DRIVE)}
-        else:
-            truth = {
-                name: [seen[at_s][place] for at_s in wanted[name]] for place, name in enumerate(OF_DRIVE)
+        instants = of_drive.union(wanted[SPRING])
+        if len(instants) == 1:  # nearly always: all that samples the drive does so at the end of a tick
+            [self.now_s] = instants
+            self._drive_until(self.now_s)
+            truth: Truth = {
+                name: (value,) * len(wanted[name])
+                for name, value in zip(OF_DRIVE, self._of_drive(), strict=True)
             }
+        else:
+            truth = self._stand_and_look(of_drive, wanted, sorted(instants))
         truth[ACCELERATION] = self._standing_m_s2
         truth[MAGNET] = self._coil.currents_a(wanted[MAGNET])
         return truth
+
+    def _stand_and_look(
+        self, of_drive: set[float], wanted: Mapping[str, Sequence[float]], instants: Sequence[float]
+    ) -> Truth:
+        """What the drive shows at several increasing instants."""
+        seen = {}
+        for at_s in instants:
+            if self.latch_closed or at_s in of_drive:
+                self._drive_until(at_s)
+            seen[at_s] = self._of_drive()
+            self.now_s = at_s
+        return {name: [seen[at_s][place] for at_s in wanted[name]] for place, name in enumerate(OF_DRIVE)}
+
+    def _of_drive(self) -> tuple[float, float, float]:
+        """What the drive shows now, in the order of `OF_DRIVE`."""
+        drive = self._drive
+        return drive.position_m - self._power_up_m, drive.current_a, drive.spring_compression_m
 
     def _fly(self, hop: Hop, of_drive: set[float], wanted: Mapping[str, Sequence[float]]) -> Truth:
         """With the lock open hop and drive have nothing to do with each other."""
@@ -263,37 +274,3 @@ class World:
 def plant_at(plant: Plant, spot: Spot) -> Plant:
     """The hop's plant on a spot, checked as its file would be. Raises `PlantError` naming the parameter."""
     return read_plant(plant_document(plant.with_values(spot.values)), plant.source) if spot.values else plant
-
-
-class Coil:
-    """The magnet's coil between two switchings: L di/dt = u − R i, solved exactly."""
-
-    def __init__(self, hop: Plant) -> None:
-        resistance_ohm, inductance_h, supply_v = (
-            hop.parameters[name].value for name in ("R_em", "L_em", "u_em")
-        )
-        self._full_a = supply_v / resistance_ohm
-        self._time_constant_s = inductance_h / resistance_ohm
-        self._goal_a = self._start_a = 0.0
-        self.since_s = 0.0
-
-    def switch(self, on: bool, at_s: float, current_a: float) -> None:
-        """Apply or take the supply, at a given current."""
-        self._goal_a = self._full_a if on else 0.0
-        self._start_a = current_a
-        self.since_s = at_s
-
-    def current_a(self, at_s: float) -> float:
-        """Current at a time after the last switching."""
-        if self._start_a == self._goal_a:
-            return self._goal_a
-        left = math.exp(-(at_s - self.since_s) / self._time_constant_s)
-        if left == 0.0:  # settled to the last bit
-            self._start_a = self._goal_a
-        return self._goal_a + (self._start_a - self._goal_a) * left
-
-    def currents_a(self, instants: Sequence[float]) -> Sequence[float] | float:
-        """Current at some times, or the one that holds all the time."""
-        if self._start_a == self._goal_a:
-            return self._goal_a
-        return [self.current_a(at_s) for at_s in instants]

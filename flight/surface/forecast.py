@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +39,12 @@ class LossForecast:
 
     def below(self, loss: float | Array) -> Array:
         """Probability that u is at most `loss`, for each."""
-        z = (np.atleast_1d(loss)[:, None] - self.means) / np.sqrt(self.variances)
+        z = (np.atleast_1d(loss)[:, None] - self.means) / self._sigmas
         return np.asarray(normal_below(z) @ self.weights)
+
+    @cached_property
+    def _sigmas(self) -> Array:
+        return np.asarray(np.sqrt(self.variances))
 
     def quantiles(self, probabilities: Sequence[float]) -> Array:
         """The u below which each probability lies."""

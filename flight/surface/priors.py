@@ -139,23 +139,26 @@ def prior_mixture(
     A name's probability is shared out evenly among its models and laws.
     """
     learning = settings.learning
-    rows: list[tuple[float, int, int, SurfaceModel]] = []
+    rows: list[tuple[float, int, SurfaceModel]] = []  # each with a hypothesis for each of its laws
+    laws: list[Sequence[int]] = []
     for number, name in enumerate(names):
         own = [model for model in models if model.name == name]
-        laws = FEW_LAWS if len(own) > 1 else range(LAW_COUNT)
-        rows += [(1.0 / (len(own) * len(laws)), number, law, model) for model in own for law in laws]
-    count = len(rows)
+        apart = FEW_LAWS if len(own) > 1 else range(LAW_COUNT)
+        rows += [(1.0 / (len(own) * len(apart)), number, model) for model in own]
+        laws += [apart] * len(own)
+    times = [len(apart) for apart in laws]
+    count = sum(times)
     mixture = Mixture(
         log_weights=np.zeros(count),
-        means=np.array([_mean(model, learning.energy_slope_share) for *_, model in rows]),
-        covariances=np.array([_covariance(model, learning) for *_, model in rows]),
-        surfaces=np.array([number for _, number, _, _ in rows], dtype=np.int64),
-        laws=np.array([law for _, _, law, _ in rows], dtype=np.int64),
+        means=np.repeat([_mean(model, learning.energy_slope_share) for *_, model in rows], times, axis=0),
+        covariances=np.repeat([_covariance(model, learning) for *_, model in rows], times, axis=0),
+        surfaces=np.repeat(np.array([number for _, number, _ in rows], dtype=np.int64), times),
+        laws=np.array([law for apart in laws for law in apart], dtype=np.int64),
         kinds=np.full(count, AS_BEFORE, dtype=np.int64),
-        loss_scatter=np.array([model.hop_std for *_, model in rows]),
+        loss_scatter=np.repeat([model.hop_std for *_, model in rows], times),
         stiffness_scatter=np.full(count, learning.stiffness_hop_std),
     )
-    return mixture, np.array([share for share, *_ in rows])
+    return mixture, np.repeat([share for share, *_ in rows], times)
 
 
 def _mean(model: SurfaceModel, slope_share: float) -> list[float]:

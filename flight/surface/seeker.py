@@ -84,9 +84,9 @@ class GoalSeeker:
 
     def decide(self, hop_index: int, tracker_of: TrackerOf, c2_ref: Uncertain) -> None:
         """Decide on the next hop, going on to the next goal where one is given up."""
-        if self._planner is None:
+        if self._planner is None and self.goals_left:
             self._planner = Planner(self.settings)
-        while self._at < len(self.goals):
+        while self._planner is not None and self.goals_left:
             plan = self.goals[self._at]
             self._goal = self._goal or plan.goal
             tracker = tracker_of(self.place, abs(plan.goal.tilt_deg))

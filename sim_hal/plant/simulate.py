@@ -72,7 +72,8 @@ class Simulator:
         self._machine = self._compiled.machine(self._compiled.values, run, initial)
         self._steps = self._machine.starts[0, engine.CLOCK, engine.STEPS :][:1]
         self._states = self._machine.starts[0, engine.STATE]
-        self._time_s = start_s
+        self.time_s = start_s
+        """Simulated time."""
         self.names = self._compiled.output_names
         """Names of outputs and definitions, in the order of `values`."""
         self._late = self._compiled.lateness(self._compiled.values, run)
@@ -87,28 +88,24 @@ class Simulator:
         self._history: list[tuple[float, dict[str, float]]] = []
         self._remember()
 
-    @property
-    def time_s(self) -> float:
-        """Simulated time."""
-        return self._time_s
-
     def advance(self, to_time_s: float, inputs: Mapping[str, float] | None = None) -> None:
         """Go on to a later time, the given inputs held; those not given keep their value."""
         self._check(to_time_s)
-        self._take(inputs)
+        self._take(inputs or {})
         self._go_on(to_time_s)
         self._remember()
 
     def trace(self, times_s: Sequence[float], inputs: Mapping[str, float] | None = None) -> Rows:
         """Go on to the last of some increasing times, (n,) s, inputs as in `advance`; what `values` says at each."""
-        if self._late or self._inside(times_s[-1]):
+        if self._late or (self._flags and self._inside(times_s[-1])):
             found = []
             for time_s in times_s:
                 self.advance(time_s, inputs)
                 found.append(self.values())
             return found
         self._check(times_s[0])
-        self._take(inputs)
+        if inputs:
+            self._take(inputs)
         rows = self._sampled(times_s)
         self._latest = rows[-1]
         return rows
@@ -117,16 +114,17 @@ class Simulator:
         if not to_time_s >= self.time_s:
             raise SimulationError(f"cannot go back from t = {self.time_s} s to {to_time_s} s")
 
-    def _take(self, inputs: Mapping[str, float] | None) -> None:
+    def _take(self, inputs: Mapping[str, float]) -> None:
         """Hold these inputs from now on."""
-        for name, value in (inputs or {}).items():
+        for name, value in inputs.items():
             if self._given.get(name) == value:
                 continue  # nearly always: to write into an array takes its time
             if name not in self._places:
                 raise SimulationError(f"no input {name!r}; inputs: {', '.join(self._places) or 'none'}")
             if not math.isfinite(value):
                 raise SimulationError(f"input {name} = {value} is not finite")
-            self._held[:, self._places[name]] = value
+            place = self._places[name]
+            self._held[0, place] = self._held[1, place] = value
             self._given[name] = value
 
     def outputs(self) -> dict[str, float]:
@@ -188,17 +186,15 @@ class Simulator:
         here, run = self._runs[count]
         for place, time_s in enumerate(times_s):  # mostly one, or a few: quicker than all at once
             here[place] = time_s
-        self._breaks[0], self._breaks[1] = self._time_s, times_s[-1]
+        self._breaks[0], self._breaks[1] = self.time_s, times_s[-1]
         self._steps[0] = 0.0
         outputs = run()
-        self._time_s = times_s[-1]
+        self.time_s = times_s[-1]
         return outputs
 
     def _inside(self, to_time_s: float) -> list[float]:
         """The events between now and then, both left out."""
-        if not self._flags:
-            return []
-        now_s = self._time_s
+        now_s = self.time_s
         return [event for event in self._events.tolist() if now_s < event < to_time_s]
 
     def _now(self) -> list[float]:
