@@ -186,9 +186,12 @@ class SampledSensor:
         values = truth + mode.noise_std * np.array(self._noise)
         if self.step > 0.0:
             values = np.rint(values / self.step) * self.step + 0.0  # no -0.0, as by `round`
-        values = np.clip(values, mode.low, mode.high)
         inside = (mode.low < values) & (values < mode.high)
-        self._still = truth, tuple(values.tolist()), tuple((~inside).tolist())
+        if inside.all():  # nearly always
+            self._still = truth, tuple(values.tolist()), (False,) * len(values)
+        else:
+            values = np.clip(values, mode.low, mode.high)
+            self._still = truth, tuple(values.tolist()), tuple((~inside).tolist())
         return self._still
 
     def _one(self, instants: Sequence[float], true: float, noise: float) -> Piece:
@@ -208,12 +211,17 @@ class SampledSensor:
         step, sigma, low, high = self.step, self._mode.noise_std, self._mode.low, self._mode.high
         # plain numbers: most batches are of a few samples, for which arrays take longer
         noises = self._noise[start : start + len(truth)]
-        shown = [true + sigma * noise for true, noise in zip(truth, noises, strict=True)]
+        if fault is None and step > 0.0:
+            shown = [
+                round((true + sigma * noise) / step) * step for true, noise in zip(truth, noises, strict=True)
+            ]
+        else:
+            shown = [true + sigma * noise for true, noise in zip(truth, noises, strict=True)]
         if fault is not None:
             latest = self.latest() if self._newest is not None else None
             shown = [_broken(value, noise, fault, latest) for value, noise in zip(shown, noises, strict=True)]
-        if step > 0.0:
-            shown = [round(value / step) * step for value in shown]
+            if step > 0.0:
+                shown = [round(value / step) * step for value in shown]
         if low < min(shown) and max(shown) < high:  # nearly always
             return shown, (False,) * len(shown)
         shown = [max(low, min(high, value)) for value in shown]

@@ -9,7 +9,8 @@ off and the robot at rest.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 from sim_hal.coil import Coil
 from sim_hal.drive import TensioningDrive
@@ -47,13 +48,22 @@ class World:
         self.latch_closed = settings.initial.latch_closed
         self.lock_blocked = False
         """Whether the lock is broken: it does not take the string any more."""
-        self.hops: list[HopTruth] = []
+        self._ended: list[
+            tuple[Spot, Callable[[], HopTruth]]
+        ] = []  # hops, and what works out the truth of each
+        self._truths: list[HopTruth] = []
         self._coil = Coil(hop)
         self._power_up_m = settings.initial.nut_position_m
         self._drive = TensioningDrive(
             drive, settings.rig, dict(settings.conditions), self._power_up_m, self.latch_closed
         )
         self._standing_m_s2 = standing_reading_m_s2(self.plant_here, self.conditions)
+
+    @property
+    def hops(self) -> list[HopTruth]:
+        """The truth of each hop that has ended, worked out when it is first asked for."""
+        self._truths += [truth() for _, truth in self._ended[len(self._truths) :]]
+        return self._truths
 
     @property
     def hopping(self) -> bool:
@@ -75,7 +85,7 @@ class World:
 
         A hop that has begun ends where it began. Raises `PlantError` for a parameter that the plant lacks.
         """
-        made = len(self.hops) + self.hopping
+        made = len(self._ended) + self.hopping
         plant = plant_at(self._hop_plant, spot)
         self._spots[made:] = [*[self._spots[-1]] * (made - len(self._spots)), spot]
         self._plants = {at: known for at, known in self._plants.items() if at < made} | {made: plant}
@@ -84,7 +94,7 @@ class World:
 
     @property
     def _at(self) -> int:
-        return min(len(self.hops), len(self._spots) - 1)
+        return min(len(self._ended), len(self._spots) - 1)
 
     @property
     def plant_here(self) -> Plant:
@@ -96,10 +106,9 @@ class World:
     @property
     def conditions(self) -> dict[str, float | str]:
         """Conditions of the present or the next hop, as a recording's sidecar states them."""
-        earlier = 0
-        while earlier < len(self.hops) and self.hops[-1 - earlier].spot == self.spot:
+        earlier, spot = 0, self.spot
+        while earlier < len(self._ended) and self._ended[-1 - earlier][0] == spot:
             earlier += 1
-        spot = self.spot
         return {
             **self._settings.conditions,
             "surface": spot.surface,
@@ -201,7 +210,7 @@ class World:
     def _fly(self, hop: Hop, of_drive: set[float], wanted: Mapping[str, Sequence[float]]) -> Truth:
         """With the lock open hop and drive have nothing to do with each other."""
         seen = {}
-        for at_s in sorted(of_drive):
+        for at_s in sorted(of_drive) if len(of_drive) > 1 else of_drive:
             self._drive_until(at_s)
             seen[at_s] = self._drive.position_m - self._power_up_m, self._drive.current_a
         magnet_rises = self.magnet_on and hop.start_s == self._coil.since_s
@@ -253,15 +262,16 @@ class World:
         return self._coil.current_a(at_s)
 
     def _end_hop(self, hop: Hop) -> None:
-        truth = hop_truth(
+        truth = partial(
+            hop_truth,
             self.plant_here,
             self.conditions,
             self._compression_m,
-            hop=len(self.hops),
+            hop=len(self._ended),
             spot=self.spot,
             fire_s=hop.start_s,
         )
-        self.hops.append(truth)
+        self._ended.append((self.spot, truth))
         self._hop = None
         self._standing_m_s2 = standing_reading_m_s2(self.plant_here, self.conditions)
 
