@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from ground.diagnose.candidates import FLIGHT, Candidate, EffectCandidate
 from ground.diagnose.crossval import HeldOut
 from ground.diagnose.fit import Fit
+from ground.diagnose.problem import sample_shifts
 from ground.diagnose.released import ReleasedParameter
 from ground.diagnose.scoring import OCCAM
 from ground.diagnose.segments import Segment
@@ -21,6 +22,9 @@ than a sample, of a reading that only moves at samples."""
 LOST_SIGMAS = 2.0
 """One whose strength comes this near to zero once all others are in place is no finding any more."""
 LEAST_SIGMA = 1e-300
+LEAST_SHIFT = 0.05
+"""A channel that is shifted in time by less than this share of the interval between samples, all through, is in step:
+when in it a reading was taken, or a held input changed, no recording says so well."""
 WORTHWHILE = 0.05
 """Least share of the remaining squared residual that an effect must remove where it was not fitted ..."""
 OF_EXCESS = 0.1
@@ -79,8 +83,9 @@ def identified(candidate: Candidate, fit: Fit, segments: Sequence[Segment], with
 def significance(candidate: Candidate, fit: Fit, segments: Sequence[Segment], without: float) -> float:
     """How many of its own sigmas an effect's strength is from zero by its own fit.
 
-    Infinite for one that is obvious beside chi-square `without` it, and for one without parameters. Of an effect that
-    acts as a whole the best told parameter counts: where none is told, nothing acts.
+    Infinite for one that is obvious beside chi-square `without` it, and for one without parameters; none for a shift in
+    time too small for any recording to tell. Of an effect that acts as a whole the best told parameter counts: where
+    none is told, nothing acts.
 
     Its other parameters count as known: without strength they mean nothing, and one that no recording tells must
     not hide an effect that every recording shows.
@@ -92,6 +97,9 @@ def significance(candidate: Candidate, fit: Fit, segments: Sequence[Segment], wi
         return float(away / max(candidate.tolerance, fit.std[candidate.key]))
     own = [name for name in fit.values if name.startswith(f"{candidate.key}.")]
     strengths = [name for name in candidate.strengths() if name in fit.values]
+    one_sample = sample_shifts(fit.plant, segments)
+    if any(abs(fit.values[n]) < LEAST_SHIFT * one_sample[n] for n in strengths if n in one_sample):
+        return 0.0
     known = [name for name in own if name not in strengths] if strengths else []
     std = fit.std_given(known, segments)
     told = (abs(fit.values[name]) / max(std[name], LEAST_SIGMA) for name in strengths or own)

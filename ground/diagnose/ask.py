@@ -27,11 +27,14 @@ COMPRESSION = "spring_compression_m"
 
 @dataclass(frozen=True)
 class Experiment:
-    """A run that could be made: in words, and as it would be driven, with the states that its start leaves open."""
+    """A run that could be made: in words, as it would be driven, and the segment whose start it has.
+
+    The states that it leaves open are those that each fit found there: a channel that lies tells them otherwise.
+    """
 
     words: str
     run: Run
-    open_start: dict[str, float]
+    start: int
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class Proposal:
 def propose(chosen: Fit, rival: Fit, segments: Sequence[Segment], sigmas: Float) -> Proposal | None:
     """The experiment that best separates two fits; None when none can be simulated."""
     found: list[tuple[float, str]] = []
-    for experiment in experiments(chosen, segments):
+    for experiment in experiments(segments):
         try:
             found.append((separation(chosen, rival, experiment, segments, sigmas), experiment.words))
         except SimulationError:
@@ -57,12 +60,12 @@ def propose(chosen: Fit, rival: Fit, segments: Sequence[Segment], sigmas: Float)
     return Proposal(best[1], best[0], found[0][0])
 
 
-def experiments(fit: Fit, segments: Sequence[Segment]) -> Iterator[Experiment]:
+def experiments(segments: Sequence[Segment]) -> Iterator[Experiment]:
     """Runs within what was recorded; the first repeats a recording as it was."""
     longest = max(
         range(len(segments)), key=lambda i: segments[i].run.times_s[-1] - segments[i].run.times_s[0]
     )
-    model, start = segments[longest].run, fit.initial[longest]
+    model, start = segments[longest].run, longest
     yield Experiment(f"a repeat of {segments[longest].run_name}", model, start)
     for name, values in model.inputs.items():
         for factor in (0.3, 0.6):
@@ -81,7 +84,7 @@ def stretched(values: Float) -> Float:
     return np.interp(np.arange(values.size) / 2.0, np.arange(values.size), values)
 
 
-def hops(segments: Sequence[Segment], model: Run, start: dict[str, float]) -> Iterator[Experiment]:
+def hops(segments: Sequence[Segment], model: Run, start: int) -> Iterator[Experiment]:
     """Hops from other compressions, on each surface that was met."""
     pressed = [s.run.known[COMPRESSION] for s in segments if COMPRESSION in s.run.known]
     if not pressed or not model.events:
@@ -133,5 +136,7 @@ def predict(compiled: CompiledPlant, fit: Fit, z: Float, experiment: Experiment)
     for free, scaled in zip(fit.free, z, strict=True):
         if free.segment is None:
             values[index[free.name]] = free.centre + free.scale * scaled
-    known = {name: value for name, value in experiment.open_start.items() if name in compiled.state_names}
+    known = {
+        name: value for name, value in fit.initial[experiment.start].items() if name in compiled.state_names
+    }
     return compiled.run(values, experiment.run, known)

@@ -13,11 +13,20 @@ from sim_hal.plant.compose import compose, place_units
 from sim_hal.plant.effects.base import Form
 from sim_hal.plant.expressions import parse, to_text
 from sim_hal.plant.plant import check_use, effect_of
-from sim_hal.plant.simulate import Effect, EffectUse, Parameter, Plant, alternatives, catalogue, prior
+from sim_hal.plant.simulate import (
+    Effect,
+    EffectUse,
+    Parameter,
+    Plant,
+    alternatives,
+    catalogue,
+    prior,
+    usual_size,
+)
 from sim_hal.plant.structure import PlantError
 
 Scales = Mapping[str, Mapping[str, float]]
-"""By balance equation or channel: the scales F, V, X, T, M, Y that effects' ranges are written in."""
+"""By balance equation or channel: the scales F, V, X, T, D, M, Y that effects' ranges are written in."""
 
 SHAPE_STARTS = (0.25, 1.0, 4.0)
 """Starts of a shape parameter (a width, a characteristic speed), as multiples of its own start value."""
@@ -120,6 +129,16 @@ class EffectCandidate:
     def parameters(self) -> int:
         """Number of parameters that a fit is free to choose."""
         return sum(math.isinf(parameter.std) for parameter in self.uses[0].parameters.values())
+
+    def rarity(self, plant: Plant, values: Mapping[str, float], scales: Scales) -> float:
+        """By how many powers of ten it is rarer, being as large as fitted, than such an effect of a usual size.
+
+        The odds fall with the square of the size, as a Cauchy's do: a broken sensor may drift by anything.
+        """
+        own = scales_at(self.uses[0], plant, scales)
+        parameters = check_use(plant, self.uses[0]).parameters
+        usual = {f"{self.key}.{p.name}": usual_size(p, own) for p in parameters if p.usual}
+        return sum(math.log10(1.0 + (values[name] / size) ** 2) for name, size in usual.items())
 
     def joined(self, plant: Plant, start: int = 0) -> Plant:
         """The plant with the effect."""

@@ -25,7 +25,7 @@ from ground.diagnose.accept import (
     worthwhile,
 )
 from ground.diagnose.between import interpolation_of, otherwise_driven
-from ground.diagnose.candidates import Candidate, label_of
+from ground.diagnose.candidates import Candidate, EffectCandidate, label_of
 from ground.diagnose.chosen import Chosen, Named
 from ground.diagnose.crossval import in_sample
 from ground.diagnose.fit import Fit
@@ -202,11 +202,14 @@ class Search(Trials):
     def unusual(self, candidate: Candidate, fit: Fit) -> float:
         """How unlikely a candidate is but for the residuals, in free parameters.
 
-        Beforehand; as fitted, where it may be at the edge of another law; and by how far the rig's own parameters
-        must then lie from what is stated.
+        Beforehand; as fitted, where it may be at the edge of another law, or larger than such a thing ever is; and by
+        how far the rig's own parameters must then lie from what is stated.
         """
         usual = math.log(likelihood_here(candidate, self.given)) / math.log(OCCAM)
-        return degenerate(candidate, fit) + fit.departure / (2.0 * math.log(OCCAM)) - usual
+        rare = 0.0
+        if isinstance(candidate, EffectCandidate):
+            rare = candidate.rarity(fit.plant, fit.values, self.scales) * math.log(10.0) / math.log(OCCAM)
+        return degenerate(candidate, fit) + rare + fit.departure / (2.0 * math.log(OCCAM)) - usual
 
     def replace_earlier(self, current: Fit, chosen: list[Chosen]) -> tuple[Fit, list[Chosen]]:
         """Let a rival take the place of an effect that joined earlier, where the plant then fits clearly better.

@@ -95,7 +95,9 @@ class FitProblem:
         sizes = [segment.observed.size for segment in segments]
         self._edges = np.concatenate([[0], np.cumsum(sizes)])
         shifts = sample_shifts(plant, segments)
-        self._shifts = np.array([shifts.get(one.name, 0.0) / one.scale for one in self.free])
+        self._shifts = np.array(
+            [SHIFTED_SAMPLES * shifts.get(one.name, 0.0) / one.scale for one in self.free]
+        )
 
     def _parameters(self, ranges: Ranges) -> list[Free]:
         """What is fitted: effect parameters within their ranges, nominal ones within their tolerances."""
@@ -232,9 +234,12 @@ class FitProblem:
 
 
 def sample_shifts(plant: Plant, segments: Sequence[Segment]) -> dict[str, float]:
-    """Change of each parameter that shifts a channel in time (a delay, a clock's rate) that shifts it by samples."""
+    """Change of each parameter that shifts a channel in time (a delay, a clock's rate) that shifts it by one sample.
+
+    A clock's, by the end of the longest recording.
+    """
     times = [segment.run.times_s for segment in segments]
-    shift_s = SHIFTED_SAMPLES * max(float(np.median(np.diff(at))) for at in times)
+    shift_s = max(float(np.median(np.diff(at))) for at in times)
     duration_s = max(float(segment.run.times_s[-1] - segment.run.began_s) for segment in segments)
     found: dict[str, float] = {}
     for use in plant.effects:

@@ -26,9 +26,10 @@ SHORT = 0.05
 
 
 def find_scales(fit: Fit, segments: Sequence[Segment]) -> dict[str, dict[str, float]]:
-    """Scales by balance equation (F, V, X, X_low, X_mid, X_high, P, T, M) and by output channel (Y, Y_max, T)."""
+    """Scales by balance equation (F, V, X, X_low, X_mid, X_high, P, T, M) and by output channel (Y, Y_max, T, D)."""
     plant = fit.plant
     duration = float(np.median([s.run.times_s[-1] - s.run.times_s[0] for s in segments]))
+    longest = max(float(s.run.times_s[-1] - s.run.began_s) for s in segments)
     formulas: dict[str, Node] = {}
     for name, balance in plant.structure.balances.items():
         formulas |= probes(plant, name)
@@ -41,7 +42,7 @@ def find_scales(fit: Fit, segments: Sequence[Segment]) -> dict[str, dict[str, fl
         measured = np.concatenate([s.observed[:, column] for s in segments])
         if np.isfinite(measured).any():
             largest = float(np.nanmax(np.abs(measured)))
-            scales[channel] = {"Y": typical(measured), "Y_max": largest, "T": duration}
+            scales[channel] = {"Y": typical(measured), "Y_max": largest, "T": duration, "D": longest}
     return {name: own for name, own in scales.items() if own}
 
 

@@ -12,7 +12,7 @@ from sim_hal.plant import engine
 from sim_hal.plant.compiled import CompiledPlant, Rows, compile_plant, probes
 from sim_hal.plant.compose import MISSING_FORCE
 from sim_hal.plant.effects import catalogue
-from sim_hal.plant.effects.base import Effect, alternatives, prior
+from sim_hal.plant.effects.base import Effect, alternatives, prior, usual_size
 from sim_hal.plant.engine import Schedule
 from sim_hal.plant.expressions import Name, Node
 from sim_hal.plant.plant import EffectUse, Parameter, Plant, Sensor
@@ -43,6 +43,7 @@ __all__ = [
     "probes",
     "read_plant",
     "save_plant",
+    "usual_size",
 ]
 
 

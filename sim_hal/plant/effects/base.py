@@ -31,7 +31,8 @@ class EffectParameter:
     V (velocity), T (duration), Y (channel, Y_max its largest reading), X (travel, within X_low … X_high, X_mid its
     middle, P a period in it). A strength is zero where the effect is absent; a `constant` (air density, say) is not
     fitted, but `also` lists further values of it that are worth a try. `least`, `most` and `above` (which itself is
-    excluded) bound what is physical at all.
+    excluded) bound what is physical at all. `usual`, with the further scale D (duration of a whole recording), is a
+    size that real ones seldom exceed by much.
     """
 
     name: str
@@ -45,6 +46,7 @@ class EffectParameter:
     least: float | None = None
     most: float | None = None
     above: float | None = None
+    usual: str | None = None
 
     def fault(self, value: float) -> str | None:
         """What is unphysical about a value, or None."""
@@ -181,6 +183,11 @@ def prior(parameter: EffectParameter, scales: Mapping[str, float]) -> tuple[floa
 def alternatives(parameter: EffectParameter, scales: Mapping[str, float]) -> tuple[float, ...]:
     """The values of a constant that are worth a try, the usual one first; raises KeyError for a missing scale."""
     return tuple(_number(parse(text), scales) for text in (parameter.start, *parameter.also))
+
+
+def usual_size(parameter: EffectParameter, scales: Mapping[str, float]) -> float:
+    """The size that real ones seldom exceed by much, infinite where none is known; KeyError for a missing scale."""
+    return math.inf if parameter.usual is None else _number(parse(parameter.usual), scales)
 
 
 def _number(node: Node, scales: Mapping[str, float]) -> float:

@@ -49,7 +49,11 @@ DRIFT = Effect(
     forms=(
         Form(
             parameters=(
-                EffectParameter("drift", "channel/s", "0.01 * Y / T", "-Y / T", "Y / T", strength=True),
+                EffectParameter(
+                    *("drift", "channel/s", "0.01 * Y / T", "-Y / T", "Y / T"),
+                    strength=True,
+                    usual="0.01 * Y / D",  # of a cheap sensor, half a percent: NXP MPX5010, offset stability
+                ),
             ),
             sensor="y + drift * elapsed",
         ),
