@@ -83,9 +83,9 @@ def identified(candidate: Candidate, fit: Fit, segments: Sequence[Segment], with
 def significance(candidate: Candidate, fit: Fit, segments: Sequence[Segment], without: float) -> float:
     """How many of its own sigmas an effect's strength is from zero by its own fit.
 
-    Infinite for one that is obvious beside chi-square `without` it, and for one without parameters; none for a shift in
-    time too small for any recording to tell. Of an effect that acts as a whole the best told parameter counts: where
-    none is told, nothing acts.
+    Infinite for one that is obvious beside chi-square `without` it, and for one without parameters; none for a shift
+    in time too small for any recording to tell. Of an effect that acts as a whole the best told parameter counts:
+    where none is told, nothing acts.
 
     Its other parameters count as known: without strength they mean nothing, and one that no recording tells must
     not hide an effect that every recording shows.

@@ -39,7 +39,7 @@ def test_the_proposed_run_tells_more_than_a_repeat(tmp_path: Path) -> None:
 
 
 def test_no_proposed_run_exceeds_what_was_recorded(tmp_path: Path) -> None:
-    data, chosen, _ = rivals(tmp_path)
+    data, _, _ = rivals(tmp_path)
     largest = max(float(np.max(np.abs(s.run.inputs["push_n"]))) for s in data.windows)
     for experiment in experiments(data.windows):
         assert np.max(np.abs(experiment.run.inputs["push_n"])) <= largest, experiment.words
