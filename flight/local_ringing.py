@@ -12,7 +12,7 @@ from flight.ringing import Ringing
 
 Array = NDArray[np.float64]
 
-_NOISY, _LEAST_FOR_FRICTION = 1.4, 16  # misfit of a free ringing, in noise sigmas; samples
+_SEEN_TO_RUB, _LEAST_FOR_FRICTION = 4.0, 16  # dry friction, in sigmas of the noise; samples
 _TURNS = 4  # of Gauss-Newton
 
 
@@ -49,13 +49,34 @@ def fit_ringing(
 ) -> LocalRinging:
     """Ringing over a stretch of flight (n,) that ends at `from_s`; frequency and decay with their priors (mean, std).
 
-    Dry friction is taken to be there where a free ringing leaves more than the noise.
+    Dry friction is taken to be there where its wave is plainly in what a free ringing leaves.
     """
     free = _ringing(times_s, motion, omega, decay, noise_m_s2, None)
-    if free.rms_m_s2 < _NOISY * noise_m_s2 or times_s.size < _LEAST_FOR_FRICTION:
-        return replace(free, from_s=from_s)
+    without = replace(free, from_s=from_s)
+    if (
+        times_s.size < _LEAST_FOR_FRICTION
+        or rubbing_sigmas(without, times_s, motion, noise_m_s2) < _SEEN_TO_RUB
+    ):
+        return without
     rubbing = _ringing(times_s, motion, omega, decay, noise_m_s2, from_s)
-    return rubbing if rubbing.rms_m_s2 < 0.9 * free.rms_m_s2 else replace(free, from_s=from_s)
+    return rubbing if rubbing.rms_m_s2 < free.rms_m_s2 else without
+
+
+def rubbing_sigmas(free: LocalRinging, times_s: Array, motion: Array, noise_m_s2: float) -> float:
+    """Dry friction that a free ringing leaves in the samples (n,), in sigmas: standard normal where there is none.
+
+    Friction takes its share at each turn of the spring. What frequency, decay, amplitude, phase and level could have
+    taken up of that wave tells nothing.
+    """
+    tau = times_s - free.ringing.reference_s
+    wave = np.exp(free.ringing.pole * tau)
+    cosine, sine = wave.real, wave.imag
+    taken = np.linalg.qr(np.column_stack((cosine, sine, np.ones_like(tau), tau * cosine, tau * sine)))[0]
+    rubbed = free.ringing.half_turns(times_s, free.from_s)
+    rubbed = rubbed - taken @ (rubbed @ taken)
+    size = float(np.linalg.norm(rubbed))
+    left = motion - free.motion_m_s2(times_s)
+    return float(rubbed @ left) / (size * noise_m_s2) if size > 0.0 else 0.0
 
 
 def _ringing(
