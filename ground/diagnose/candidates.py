@@ -138,7 +138,7 @@ class EffectCandidate:
         own = scales_at(self.uses[0], plant, scales)
         parameters = check_use(plant, self.uses[0]).parameters
         usual = {f"{self.key}.{p.name}": usual_size(p, own) for p in parameters if p.usual}
-        return sum(math.log10(1.0 + (values[name] / size) ** 2) for name, size in usual.items())
+        return sum(math.log10(1.0 + (values.get(name, 0.0) / size) ** 2) for name, size in usual.items())
 
     def joined(self, plant: Plant, start: int = 0) -> Plant:
         """The plant with the effect."""

@@ -8,19 +8,22 @@ from ground.diagnose.candidates import Candidate
 from ground.diagnose.fit import Fit
 from ground.diagnose.screen import Promise
 
+Twins = tuple[tuple[Candidate, float], ...]
+
 
 @dataclass(frozen=True)
 class Chosen:
     """An effect in the extended plant, its rivals with their weights, and what the plant is like without it.
 
-    `twins` act alike on these recordings: nothing but where they usually occur speaks for one of them. `rival_fit` is
-    the plant with its most probable rival in its place, `absent` that with nothing there.
+    `twins` act alike on these recordings: nothing but where they usually occur, and how large, speaks for one of
+    them; each comes with its odds beside the effect's own. `rival_fit` is the plant with its most probable rival in
+    its place, `absent` that with nothing there.
     """
 
     candidate: Candidate
     probability_better: float
     rivals: tuple[Candidate, ...]
-    twins: tuple[Candidate, ...]
+    twins: Twins
     weights: tuple[tuple[Candidate, float], ...] = ()
     chi2_without: float = 0.0
     rival_fit: tuple[Candidate, Fit] | None = None

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.diagnose.accept import likelihood_here
 from ground.diagnose.ask import propose
 from ground.diagnose.candidates import Candidate
 from ground.diagnose.chosen import Chosen, Named
@@ -61,7 +60,7 @@ def finding_of(
     """One effect in the contract's terms."""
     candidate = chosen.candidate
     parameters = candidate.estimates(fit.plant, fit.values, fit.std)
-    rivals = shared_with_twins(chosen, fit)
+    rivals = shared_with_twins(chosen)
     known = 1.0 if candidate.physics_id == UNLISTED else listed(fit)
     own = known * next(w for c, w in rivals if c is candidate)
     return Finding(
@@ -116,14 +115,14 @@ def what_moves(candidate: Candidate, plant: Plant) -> str:
     return f" Here {' and '.join(words)}{still}."
 
 
-def shared_with_twins(chosen: Chosen, fit: Fit) -> list[tuple[Candidate, float]]:
+def shared_with_twins(chosen: Chosen) -> list[tuple[Candidate, float]]:
     """Probabilities of the effect, its rivals and its twins, largest first; twins share by their prior odds."""
-    alike = (chosen.candidate, *chosen.twins)
-    odds = [likelihood_here(candidate, fit.plant) for candidate in alike]
+    alike = ((chosen.candidate, 1.0), *chosen.twins)
+    whole = sum(odd for _, odd in alike)
     shares = [(c, w * chosen.probability_better) for c, w in chosen.weights]
     own = next(w for c, w in shares if c is chosen.candidate)
     found = [(c, w) for c, w in shares if c is not chosen.candidate]
-    found += [(c, own * odd / sum(odds)) for c, odd in zip(alike, odds, strict=True)]
+    found += [(c, own * odd / whole) for c, odd in alike]
     return sorted(found, key=lambda item: -item[1])
 
 
@@ -200,17 +199,17 @@ def regime_of(candidate: Candidate, forces: Sequence[LocatedForce]) -> str:
 
 def verdict_of(named: Named, segments: Sequence[Segment]) -> Verdict:
     """Mismatch when it is told what lacks; undecidable when something is there and the data do not say what."""
-    if any(told_where(chosen, named.fit) >= UNDECIDED for chosen in named.chosen):
+    if any(told_where(chosen) >= UNDECIDED for chosen in named.chosen):
         return "mismatch"
     return "undecidable" if named.chosen or unexplained(named.fit, segments) else "consistent"
 
 
-def told_where(chosen: Chosen, fit: Fit) -> float:
+def told_where(chosen: Chosen) -> float:
     """Probability that a law of this kind acts in this equation (a fault in this channel), whatever its name."""
     own = chosen.candidate
     return sum(
         weight
-        for candidate, weight in shared_with_twins(chosen, fit)
+        for candidate, weight in shared_with_twins(chosen)
         if (candidate.kind, candidate.channel, candidate.equation) == (own.kind, own.channel, own.equation)
     )
 

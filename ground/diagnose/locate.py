@@ -17,7 +17,7 @@ from ground.diagnose.segments import Segment, spans
 from ground.diagnose.smoothing import Smoothed, StateSpace, smooth
 from ground.diagnose.workers import Context, Workers
 from sim_hal.plant.run import bridged, smoothed_start
-from sim_hal.plant.simulate import MISSING_FORCE, CompiledPlant, Plant, compile_plant, probes
+from sim_hal.plant.simulate import MISSING_FORCE, CompiledPlant, Plant, SimulationError, compile_plant, probes
 
 Float = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -99,6 +99,14 @@ def locate_by_knots(task: LocateTask) -> LocatedForce | None:
 
 
 def locate_in(task: LocateTask) -> LocatedForce | None:
+    """The missing force of one balance; None where it is not told, or the filter loses the motion."""
+    try:
+        return smoothed_in(task)
+    except SimulationError:  # a state that is corrected from sample to sample may leave what the rig can bear
+        return None
+
+
+def smoothed_in(task: LocateTask) -> LocatedForce | None:
     """The missing force of one balance; None where it does not act on what was measured."""
     balance, typical = task.balance, task.typical
     plant = task.fit.plant.with_values(task.fit.values)

@@ -138,16 +138,17 @@ class Search(Trials):
         self.outlook.begin("settle", "settling the extended plant")
         (current,) = self.fitted([FitTask(current.plant, current, current.values, "final")])
         final = tuple(self.contest(current, one) for one in chosen)
-        if (needless := self.needless(current, final)) is not None:
-            self.outlook.say(f"leaving out {label_of(needless.candidate)}")
-            others = [one for one in final if one is not needless]
-            return self.settled(self.without(current, needless), others, left)
-        for one in final:
+        needless = self.needless(current, final)
+        for one in final if needless is None else (needless,):  # in another's stead it may have been needless
             if (better := one.outdone_by(left)) is not None:
                 rival, fit = better
                 self.outlook.say(f"replacing {label_of(one.candidate)} by {label_of(rival)}")
                 changed = [self.given_way(each, rival) if each is one else each for each in final]
                 return self.settled(fit, changed, left | {one.candidate.key})
+        if needless is not None:
+            self.outlook.say(f"leaving out {label_of(needless.candidate)}")
+            others = [one for one in final if one is not needless]
+            return self.settled(self.without(current, needless), others, left)
         return current, final
 
     def needless(self, current: Fit, final: Sequence[Chosen]) -> Chosen | None:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.accept import likelihood_here
-from ground.diagnose.candidates import Candidate, Scales, effect_candidates, label_of
+from ground.diagnose.candidates import Candidate, EffectCandidate, Scales, effect_candidates, label_of
+from ground.diagnose.chosen import Twins
 from ground.diagnose.crossval import HeldOut, cross_validate, in_sample
 from ground.diagnose.fit import Fit
 from ground.diagnose.outlook import Outlook
@@ -43,7 +44,7 @@ class Trials:
         self.outlook = outlook
         self.given = given
         self.scales = scales
-        self._twins: dict[str, tuple[Candidate, ...]] = {}
+        self._twins: dict[str, Twins] = {}
         self._screened: list[Promise] = []
 
     def fitted(self, tasks: Sequence[FitTask]) -> list[Fit]:
@@ -108,15 +109,29 @@ class Trials:
     def without_twins(self, ranked: Sequence[Promise]) -> list[Promise]:
         """Of candidates that act alike the likeliest one; the others are remembered as its twins."""
         kept: list[Promise] = []
-        for promise in sorted(ranked, key=lambda p: -likelihood_here(p.candidate, self.given)):
+        for promise in sorted(ranked, key=self.odds, reverse=True):
             like = next((p for p in kept if abs(p.direction @ promise.direction) > SAME), None)
             if like is None or like.candidate.key == promise.candidate.key:
                 kept.append(promise)
                 continue
             twins = self._twins.get(like.candidate.key, ())
-            if all(promise.candidate.key != twin.key for twin in twins):
-                self._twins[like.candidate.key] = (*twins, promise.candidate)
+            if all(promise.candidate.key != twin.key for twin, _ in twins):
+                beside = self.odds(promise) / self.odds(like)
+                self._twins[like.candidate.key] = (*twins, (promise.candidate, beside))
         return sorted(kept, key=lambda p: -p.gain)
+
+    def odds(self, promise: Promise) -> float:
+        """Prior odds of what a promise says: where such a law usually occurs, and how large it usually is."""
+        candidate = promise.candidate
+        usual = likelihood_here(candidate, self.given)
+        if not isinstance(candidate, EffectCandidate):
+            return usual
+        start = candidate.uses[promise.start].parameters
+        sizes = {
+            f"{candidate.key}.{name}": float(step) * start[name].value
+            for name, step in zip(candidate.own_strengths, promise.step, strict=True)
+        }
+        return float(usual * 10.0 ** -candidate.rarity(self.given, sizes, self.scales))
 
     def held_out(self, fit: Fit) -> HeldOut:
         """How a fit predicts segments left out of it."""

@@ -172,7 +172,7 @@ def test_an_open_name_is_a_mismatch_still_and_an_open_kind_is_not(
     found = {c.physics_id: c for c in candidates}
     weights = ((found["viscous_friction"], 0.45), (found[rival], 0.45))
     one = Chosen(found["viscous_friction"], 1.0, (), (), weights)
-    assert told_where(one, refit) == pytest.approx(0.9 if sure else 0.45)
+    assert told_where(one) == pytest.approx(0.9 if sure else 0.45)
 
 
 @pytest.mark.filterwarnings("error")

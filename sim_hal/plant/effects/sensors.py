@@ -5,6 +5,7 @@ from __future__ import annotations
 from sim_hal.plant.effects.base import WHOLE, Effect, EffectParameter, Form
 
 _CITATION = "J. Fraden, Handbook of Modern Sensors, 5th ed. (2016), ch. 3"
+# Usual sizes are those of a cheap sensor: NXP MPX5010, accuracy 5 % of the span, offset stability 0.5 %.
 
 SCALE = Effect(
     physics_id="sensor_scale",
@@ -16,7 +17,7 @@ SCALE = Effect(
     citation=_CITATION,
     forms=(
         Form(
-            parameters=(EffectParameter("scale", "1", "0.02", "-0.5", "0.5", strength=True),),
+            parameters=(EffectParameter("scale", "1", "0.02", "-0.5", "0.5", strength=True, usual="0.05"),),
             sensor="y + scale * y",
         ),
     ),
@@ -32,7 +33,9 @@ BIAS = Effect(
     citation=_CITATION,
     forms=(
         Form(
-            parameters=(EffectParameter("bias", "channel", "0.01 * Y", "-Y", "Y", strength=True),),
+            parameters=(
+                EffectParameter("bias", "channel", "0.01 * Y", "-Y", "Y", strength=True, usual="0.05 * Y"),
+            ),
             sensor="y + bias",
         ),
     ),
@@ -52,7 +55,7 @@ DRIFT = Effect(
                 EffectParameter(
                     *("drift", "channel/s", "0.01 * Y / T", "-Y / T", "Y / T"),
                     strength=True,
-                    usual="0.01 * Y / D",  # of a cheap sensor, half a percent: NXP MPX5010, offset stability
+                    usual="0.01 * Y / D",
                 ),
             ),
             sensor="y + drift * elapsed",
