@@ -60,7 +60,7 @@ def diagnosed(truth: Plant, given: Plant, drives_n_m: list[float]) -> Diagnosis:
 
 
 def test_a_coast_down_is_rather_slowed_than_misread_by_far_more_than_sensors_do(tmp_path: Path) -> None:
-    """One way only, dry friction is all but the same as a drift by a tenth, and the same as a bias beyond the speed."""
+    """One way only, dry friction is all but a drift by a tenth, and the very same as a bias beyond the speed."""
     given = wheel(tmp_path)
     dry = EffectUse("coulomb_friction", "spin", None, {"F_c": Parameter(0.03, 0.0, "N*m")})
     (found,) = diagnosed(given.with_effect(dry), given, [0.0]).findings
