@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ground.diagnose.fit import Fit
 from ground.diagnose.segments import Segment
-from sim_hal.plant.expressions import Name, Node, Op
+from sim_hal.plant.expressions import Name, Node, Op, summands
 from sim_hal.plant.simulate import Balance, Plant, compile_plant, probes
 
 Float = NDArray[np.float64]
@@ -47,11 +47,17 @@ def find_scales(fit: Fit, segments: Sequence[Segment]) -> dict[str, dict[str, fl
 
 
 def force_formulas(plant: Plant, balance: Balance) -> dict[str, Node]:
-    """What the typical force is read from: the port's own value, or the state's rate and its response to a force."""
+    """What the typical force is read from: the net force (the port's own value, or the state's rate and its response
+    to a force), and each force that adds to it. Where a rig moves slowly the forces are large and the net is not."""
+    structure = plant.structure
+    net: dict[str, Node]
     if balance.port is not None:
-        return {f"{balance.name}.force": Name(balance.port)}
-    state, response = next(iter(balance.per_force.items()))
-    return {f"{balance.name}.rate": Op("rate", (Name(state),)), f"{balance.name}.response": response}
+        net, whole = {f"{balance.name}.force": Name(balance.port)}, structure.definitions[balance.port].value
+    else:
+        state, response = next(iter(balance.per_force.items()))
+        net = {f"{balance.name}.rate": Op("rate", (Name(state),)), f"{balance.name}.response": response}
+        whole = structure.rates[state]
+    return net | {f"{balance.name}.part_{i}": part for i, part in enumerate(summands(whole))}
 
 
 def simulate_all(fit: Fit, segments: Sequence[Segment], formulas: dict[str, Node]) -> dict[str, Float]:
@@ -69,16 +75,18 @@ def simulate_all(fit: Fit, segments: Sequence[Segment], formulas: dict[str, Node
 def balance_scales(balance: Balance, series: dict[str, Float], duration_s: float) -> dict[str, float]:
     """Scales of one balance; those that the motion does not show are left out."""
     found = {"T": duration_s}
+    parts = [values for name, values in series.items() if name.startswith(f"{balance.name}.part_")]
     force = series.get(f"{balance.name}.force")
     if force is None:
         response = series[f"{balance.name}.response"]
         acts = response != 0.0
         if not acts.any():
             return {}
+        parts = [part[acts] / response[acts] for part in parts]
         force = series[f"{balance.name}.rate"][acts] / response[acts]
         found["M"] = float(np.median(np.abs(1.0 / response[acts])))
-    if typical(force) > 0.0:
-        found["F"] = typical(force)
+    if (largest := max(typical(values) for values in (force, *parts))) > 0.0:
+        found["F"] = largest
     speed = series.get(f"{balance.name}.velocity")
     if speed is not None and typical(speed) > 0.0:
         found["V"] = typical(speed)

@@ -215,6 +215,19 @@ def rename(node: Node, new: Callable[[str], Node]) -> Node:
     return node
 
 
+def summands(node: Node) -> list[Node]:
+    """What the node adds up, signs aside; what a sum is multiplied with or divided by goes with each of its parts."""
+    if isinstance(node, Op) and node.op in ("+", "-", "neg"):
+        return [part for operand in node.args for part in summands(operand)]
+    if isinstance(node, Op) and node.op in ("*", "/"):
+        first, second = node.args
+        parts = summands(first)
+        if len(parts) == 1 and node.op == "*":
+            return [Op("*", (first, part)) for part in summands(second)]
+        return [Op(node.op, (part, second)) for part in parts]
+    return [node]
+
+
 def add(*nodes: Node) -> Node:
     """The sum of the nodes, zeros left out."""
     terms = [node for node in nodes if node != Num(0.0)]
