@@ -26,6 +26,7 @@ _THROWN_M_S = 0.2
 _SAME_S = 3e-5  # so close, two fits are one
 _SOIL_LOG = 14.2  # of stiffness over leg mass [1/s^2]: soils stay below
 _LEAST_M_S, _LEAST_SHARE = 1e-4, 1e-9  # sigma of a foot's speed; of that sigma, what goes the right way
+_MOST_LOG = 50.0  # of one weight over another
 _ROUGH = (0.1, 0.03)  # share of what soft and hard ground adds that a start may miss
 
 
@@ -42,6 +43,10 @@ class Edge:
     @property
     def time_s(self) -> float:
         return float(self.parameters[E.TIME])
+
+    @property
+    def cost_per_sample(self) -> float:
+        return self.cost / self.residuals.size
 
     @cached_property
     def ringing(self) -> Ringing:
@@ -187,21 +192,23 @@ def starts(data: EdgeData, tried: Mapping[E, Sequence[float]], most: int, apart_
     return np.array(found)
 
 
-def mixed(edges: Sequence[Edge], costs: Sequence[float], temper: float) -> Edge:
+def mixed(edges: Sequence[Edge], costs: Sequence[float], temper: float, choices: int | None = None) -> Edge:
     """The best of several fits, its variance widened by the others as far as they are as likely.
 
-    `temper`: by which costs count less, as the models are not all of the truth.
+    `temper`: by which costs count less, as the models are not all of the truth. `choices`: so many of the first fits
+    may be the best, all where not given.
     """
-    order = np.argsort(costs, kind="stable").tolist()
-    best: Edge = edges[order[0]]
+    best_cost, chosen = min(zip(costs[:choices], range(len(costs)), strict=False))
+    best = edges[chosen]
     seen_s: list[float] = []
     weights: list[float] = []
     squares: list[float] = []
+    order = [chosen, *np.argsort(costs, kind="stable").tolist()]
     for index in order:  # fits that ended at one place count once
         at_s = edges[index].time_s
         if all(abs(at_s - other) > _SAME_S for other in seen_s):
             seen_s.append(at_s)
-            weights.append(math.exp(-0.5 / temper * (costs[index] - costs[order[0]])))
+            weights.append(math.exp(min(-0.5 / temper * (costs[index] - best_cost), _MOST_LOG)))
             squares.append((at_s - best.time_s) ** 2)
     covariance = best.covariance.copy()
     covariance[E.TIME, E.TIME] += float(np.dot(weights, squares)) / sum(weights)

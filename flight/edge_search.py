@@ -129,11 +129,15 @@ def best_edge(
     if bounced and edges:
         more = _closer(data, end, scene.step_s, min(edges, key=lambda edge: edge.cost), enough)
         edges += fit_edges(data, more, scene.heartbeat) if more is not None else []
-    least = min((edge.cost / data.times_s.size for edge in edges), default=math.inf)
-    edges = _plausible(edges)
+    least = min((edge.cost_per_sample for edge in edges), default=math.inf)
+    if not edges:
+        return None
+    chosen = _plausible(edges)
+    also = _left_unfelt(edges, min(chosen, key=lambda edge: edge.evidence)) if bounced else []
+    together = chosen + also
     # A misfit says that the samples tell less than their noise would allow.
     temper = _TEMPER * max(1.0, least)
-    return mixed(edges, [edge.evidence for edge in edges], temper) if edges else None
+    return mixed(together, [edge.evidence for edge in together], temper, len(chosen))
 
 
 def _closer(data: EdgeData, end: EndOfFlight, step_s: float, best: Edge, enough: float) -> Array | None:
@@ -141,7 +145,7 @@ def _closer(data: EdgeData, end: EndOfFlight, step_s: float, best: Edge, enough:
 
     It needs one where it explains the samples badly, and where the foot hardly moves at its edge.
     """
-    cost = best.cost / data.times_s.size
+    cost = best.cost_per_sample
     unfelt = best.foot_speed_sigmas < _PLAINLY_MOVES
     if cost >= enough or not (unfelt or cost > _NOT_YET):
         return None
@@ -204,6 +208,21 @@ def _plausible(edges: list[Edge]) -> list[Edge]:
         if edge.foot_speed_m_s > -_BACKWARDS_M_S or edge.foot_speed_sigmas > -_BACKWARDS_SIGMAS
     ]
     return moving or forwards or edges
+
+
+def _left_unfelt(edges: list[Edge], best: Edge) -> list[Edge]:
+    """Those that leave before the best one, hardly moving, and explain the samples about as well.
+
+    The touch after them, which the best one has, is then no more seen than it is excluded. Touches after the best
+    one are the concern of `flight.graze`.
+    """
+    return [
+        edge
+        for edge in edges
+        if edge.time_s < best.time_s
+        and edge.cost < best.cost + _PLAINLY_WORSE
+        and -_BACKWARDS_SIGMAS < edge.foot_speed_sigmas <= _SEEN_TO_MOVE
+    ]
 
 
 def _edge_data(

@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight.ballistics import FreeFall, Level, flight_level
+from flight.doubts import doubts
 from flight.edge_fit import Edge, mixed
 from flight.edge_model import TAKE_OFF, TOUCHDOWN, E
 from flight.edge_search import EndOfFlight, Scene, best_edge, look_at_end
 from flight.flight_search import Expectation, NoFlight, Stretch, find_flight
 from flight.flown import FlightFit as FlightFit
 from flight.flown import FlightTime as FlightTime
-from flight.graze import graze, undecided
+from flight.graze import Graze, graze, undecided
 from flight.heartbeat import Heartbeat, Stalled
 from flight.quality import afterwards, gap_at, has_gap, longest_gap_s
 from flight.record import HopRecord
@@ -33,16 +34,12 @@ Array = NDArray[np.float64]
 _REST_S = 0.5  # before the fire command, over which the sensor's rest is averaged
 _MOST_NOISE = 10.0  # over the data sheet's, of a robot that stands still
 _FRICTION_IN_LEVEL = 0.1
-_RUBBING_M_S2 = 0.02  # dry friction over the body's mass that is told
 _EXPLAINED_CHI = 1.5  # misfit in contact that needs no other ground
 _UNLIKE_CHI = 4.0  # misfit in contact of a ground that is not looked at further, if another explains more
 _GROUNDS_TEMPER = 10.0  # by which the costs of soft and hard ground count less
 _BOUNCING = 4.0  # as much more is left to the model where the foot bounces between two samples
-_DEGRADED_CHI = 3.0
-_DEGRADED_PULL = 3.0  # of the ground's stiffness from one end to the other, in sigmas
 _REJECTED_CHI = 60.0
 _REJECTED_BIAS = 0.1  # share of gravity by which the flight may read other than the weight taken away
-_DEGRADED_SIGMA_S = 2e-3
 _REJECTED_SIGMA_S = 5e-3
 _REACH = 1.96  # of a 95 % interval, in sigmas
 
@@ -190,12 +187,12 @@ class _Estimate:
             left = best_edge(scene, take_off, hard, speed, at_s, enough=enough)
             if left is None or left.misfits()[1] > max(_UNLIKE_CHI, 3.0 * best_chi):
                 continue
-            best_chi, enough = min(best_chi, left.misfits()[1]), left.cost / left.residuals.size
+            best_chi, enough = min(best_chi, left.misfits()[1]), left.cost_per_sample
             back = best_edge(scene, touchdown, hard, speed, at_s, left)
             if back is None:
                 continue
             # The hard ground's fits leave out what the foot did before its last touch.
-            cost = left.cost / left.residuals.size + back.cost / back.residuals.size
+            cost = left.cost_per_sample + back.cost_per_sample
             found.append((cost * 0.5 * (left.residuals.size + back.residuals.size), left, back, hard))
             if max(left.misfits()[1], back.misfits()[1]) < _EXPLAINED_CHI and left.is_soil and back.is_soil:
                 break
@@ -227,14 +224,15 @@ class _Estimate:
             sigmas[0] = math.hypot(sigmas[0], _BOUNCING * unseen_s)
             leaving_sigma_s = sigmas[0]
         again = graze(fit.take_off)
-        twice = undecided(again, _REACH * _REJECTED_SIGMA_S)
         if again is not None:
             left_s += again.after_s if again.odds > 0.5 else 0.0
             sigmas[0] = math.hypot(sigmas[0], again.after_s * math.sqrt(min(again.odds, 1.0 - again.odds)))
         sigmas[1] = math.hypot(sigmas[1], self.record.rate_sigma * (edges[1].time_s - edges[0].time_s))
         ends = [edge.ringing.compression(edge.time_s, fit.robot) for edge in edges]
         offset = fit.level.value_m_s2 * self.gain + self.static - self.gravity * self.gain
-        verdict = self._verdict(chi, math.hypot(*sigmas), math.hypot(leaving_sigma_s, sigmas[1]), fit, twice)
+        verdict = self._verdict(
+            fit, hard, chi, math.hypot(*sigmas), math.hypot(leaving_sigma_s, sigmas[1]), again
+        )
         return FlightTime(
             verdict=verdict,
             reasons=tuple(self.reasons),
@@ -254,11 +252,20 @@ class _Estimate:
             fit=fit,
         )
 
-    def _verdict(self, chi: float, sigma_s: float, left_sigma_s: float, fit: FlightFit, twice: str) -> str:
+    def _verdict(
+        self,
+        fit: FlightFit,
+        hard: bool,
+        chi: float,
+        sigma_s: float,
+        left_sigma_s: float,
+        again: Graze | None,
+    ) -> str:
         """`sigma_s`: of the time of flight; `left_sigma_s`: of it, had the foot kept clear once it left.
 
-        `twice`: why nobody can say whether it did.
+        `again`: that it may not have.
         """
+        twice = undecided(again, _REACH * _REJECTED_SIGMA_S)
         off = abs(fit.level.value_m_s2) > _REJECTED_BIAS * self.gravity + 5.0 * fit.level.sigma_m_s2
         if off:
             bias = fit.level.value_m_s2
@@ -276,16 +283,5 @@ class _Estimate:
             return "rejected"
         if has_gap(self.times, -0.02, fit.touchdown.time_s):
             self.reasons.append("a gap in the accelerometer's samples")
-        rubs = max(abs(float(edge.parameters[E.FRICTION])) for edge in (fit.take_off, fit.touchdown))
-        if rubs > _RUBBING_M_S2:
-            self.reasons.append(
-                f"dry friction of about {rubs * self.settings.rig.body_mass_kg:.1f} N in the spring's guide"
-            )
-        if chi > _DEGRADED_CHI:
-            self.reasons.append(f"the ringing is explained to {chi:.1f} sigma only")
-        if sigma_s > _DEGRADED_SIGMA_S:
-            self.reasons.append(f"time of flight known to {sigma_s * 1e3:.1f} ms only")
-        unlike = fit.touchdown.pull(E.STIFF)
-        if unlike > _DEGRADED_PULL:
-            self.reasons.append(f"the ground at touchdown is another than at take-off, by {unlike:.1f} sigma")
+        self.reasons += doubts(fit, hard, chi, sigma_s, again, self.settings.rig.body_mass_kg)
         return "degraded" if self.reasons else "valid"

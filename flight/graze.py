@@ -33,6 +33,11 @@ class Graze:
     after_s: float
     odds: float
 
+    @property
+    def words(self) -> str:
+        when = f"{self.after_s * 1e3:.0f} ms after it left"
+        return f"the foot may have touched again, {when} (probability {self.odds:.2f})"
+
 
 @dataclass(frozen=True)
 class _Lowest:
@@ -84,10 +89,7 @@ def undecided(again: Graze | None, reach_s: float) -> str:
     """
     if again is None or again.after_s <= reach_s or not _LEFT_OUT < again.odds < 1.0 - _LEFT_OUT:
         return ""
-    return (
-        f"the foot may have touched again, {again.after_s * 1e3:.0f} ms after it left"
-        f" (probability {again.odds:.2f})"
-    )
+    return again.words
 
 
 def _lowest(edge: Edge) -> _Lowest | None:
