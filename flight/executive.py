@@ -131,7 +131,8 @@ class _Executive:
         self._telemetry.take(snap)
         if late_s > self.settings.tick.overrun_share * self.settings.tick.period_s:
             events.append(Event("tick_late", {"late_s": late_s}))
-        commands = self._take_parameters(heard, events) + self.pilot.commands(self.machine, now_s)
+        told = self._take_parameters(heard, events) if heard else ()
+        commands = told + self.pilot.commands(self.machine, now_s)
         before = self.machine
         answer = hop_machine.step(before, snap, commands, self.settings)
         self.machine = answer.machine
@@ -210,8 +211,6 @@ class _Executive:
         self, commands: tuple[GroundCommand, ...], events: list[Event]
     ) -> tuple[GroundCommand, ...]:
         """Carry out the changes of parameters; the other commands are for the machine."""
-        if not commands:
-            return ()
         for command in commands:
             if command.name == SET_PARAMETER:
                 self.settings, event = changed(self.settings, command, self.machine.phase)

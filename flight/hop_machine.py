@@ -15,7 +15,7 @@ from flight.machine_tick import Tick
 from flight.monitors import find_fault, watch
 from flight.phases import ACTIONS
 from flight.settings import DriveSettings, FlightSettings
-from flight.states import Machine, Outputs, Phase, Sameness, Snapshot, Step, changed
+from flight.states import Machine, Outputs, Phase, Sameness, Snapshot, Step, changed, places_of, put
 from hal.readings import GroundCommand
 
 
@@ -57,6 +57,15 @@ def decide(
     return Step(after, outputs, tuple(tick.events), monitors_alive=not dead)
 
 
+_OBSERVED = places_of(
+    *("compression_m", "unloaded_ticks", "loaded"),
+    *("same_current", "same_force"),
+    *("position_m", "last_s", "speed_m_s", "moved_s", "stable_ticks", "elapsed_s"),
+    *("failed_reads", "winding_rise_k", "heard_s", "mean_current_a"),
+)
+"""What each tick's readings tell, in the order in which `_observe` says it."""
+
+
 def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Machine:
     """Update what is estimated from the readings: speed, compression, load, and the monitors' counters."""
     safety, first = settings.safety, machine.last_s is None
@@ -66,26 +75,22 @@ def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Mach
     followed = abs(speed_m_s) >= safety.stall_speed_m_s
     steady = abs(speed_m_s) < safety.stable_speed_m_s
     drawn_a = max(snap.motor_current_a, 0.0)
-    compression_m, unloaded_ticks, loaded = _load(machine, snap, travel_m, settings)
-    same_current, same_force = _sameness(machine, snap, running=followed)
-    return machine._replace(
-        compression_m=compression_m,
-        unloaded_ticks=unloaded_ticks,
-        loaded=loaded,
-        same_current=same_current,
-        same_force=same_force,
-        position_m=snap.nut_position_m,
-        last_s=snap.time_s,
-        speed_m_s=speed_m_s,
-        moved_s=snap.time_s if followed or first else machine.moved_s,
-        stable_ticks=machine.stable_ticks + 1 if steady else 0,
-        elapsed_s=None if first else elapsed_s,
-        failed_reads=machine.failed_reads * (1.0 - 1.0 / safety.error_memory_ticks) + snap.failed_reads,
-        winding_rise_k=_winding_rise_k(machine, snap, elapsed_s, settings.drive),
-        heard_s=snap.time_s if snap.ground_heard else machine.heard_s,
-        mean_current_a=machine.mean_current_a
-        + settings.drive.current_smoothing * (drawn_a - machine.mean_current_a),
+    smoothing = settings.drive.current_smoothing
+    observed = (
+        *_load(machine, snap, travel_m, settings),
+        *_sameness(machine, snap, running=followed),
+        snap.nut_position_m,
+        snap.time_s,
+        speed_m_s,
+        snap.time_s if followed or first else machine.moved_s,
+        machine.stable_ticks + 1 if steady else 0,
+        None if first else elapsed_s,
+        machine.failed_reads * (1.0 - 1.0 / safety.error_memory_ticks) + snap.failed_reads,
+        _winding_rise_k(machine, snap, elapsed_s, settings.drive),
+        snap.time_s if snap.ground_heard else machine.heard_s,
+        machine.mean_current_a + smoothing * (drawn_a - machine.mean_current_a),
     )
+    return put(machine, _OBSERVED, observed)
 
 
 _NOT_SAME = Sameness()

@@ -53,7 +53,9 @@ class HopRecorder:
     _accelerometer: deque[SpecificForce] = field(default_factory=deque)
     _spring: deque[SpringCompression] = field(default_factory=deque)
     _magnet: deque[MagnetCurrent] = field(default_factory=deque)
-    _clocks: dict[str, SensorClock] = field(default_factory=dict)
+    _clocks: dict[str, SensorClock] = field(
+        default_factory=lambda: {name: SensorClock() for name in ("accelerometer", "spring", "magnet")}
+    )
     _holding: bool = False
     _resting: bool = False
 
@@ -99,10 +101,7 @@ class HopRecorder:
             return
         newest = times_s[-1]
         if now_s is not None:
-            clock = self._clocks.get(name)
-            if clock is None:
-                clock = self._clocks[name] = SensorClock()
-            clock.add(newest, now_s)
+            self._clocks[name].add(newest, now_s)
         if self._resting or (self._holding and newest - _oldest(batches, newest) > _KEPT_S):
             return
         batches.append(batch)
@@ -111,7 +110,7 @@ class HopRecorder:
 
     def clock(self, name: str) -> ClockMap:
         """What is known of the clock of `accelerometer`, `spring` or `magnet`."""
-        return self._clocks[name].map() if name in self._clocks else ClockMap()
+        return self._clocks[name].map()
 
     def record(self, fire_s: float) -> HopRecord:
         """The hop so far, as arrays."""

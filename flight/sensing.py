@@ -98,16 +98,15 @@ class Senses:
         failing, failed, events = self._failing, 0, []
         for name, read in self._reads:
             try:
-                reading = read()
+                readings.append(read())
             except ReadFailed as error:
                 failed += 1
                 if name not in failing:
                     events.append(Event("read_failed", {"sensor": name, "error": str(error)}))
                 failing.add(name)
-                reading = None
+                readings.append(None)
             else:
-                if name in failing:
+                if failing and name in failing:
                     failing.discard(name)
                     events.append(Event("read_recovered", {"sensor": name}))
-            readings.append(reading)
         return readings, failed, events

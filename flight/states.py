@@ -209,6 +209,19 @@ def changed(state: State, **changes: Any) -> State:
     return tuple.__new__(kind, fields)  # `_make` would only count them once more
 
 
+def places_of(*names: str) -> tuple[int, ...]:
+    """Where fields of `Machine` stand, for `put`. Raises `KeyError` for no such field."""
+    return tuple(_PLACES[Machine][name] for name in names)
+
+
+def put(machine: Machine, places: tuple[int, ...], values: tuple[Any, ...]) -> Machine:
+    """As `_replace` of the fields in these places, in half of its time where many change at every tick."""
+    fields: list[Any] = list(machine)
+    for place, value in zip(places, values, strict=True):
+        fields[place] = value
+    return tuple.__new__(Machine, fields)
+
+
 @dataclass(frozen=True, slots=True)
 class Event:
     """Something worth telling: a name of the dictionary, its severity there, and the particulars."""
