@@ -9,6 +9,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 Line = tuple[int, ...]
+WIDTH = 6
+"""Of an instruction in the end: operation, target, and four operands, unused ones 0."""
 
 #: What becomes of a pair of which the first serves the second alone, by the second, the first, and which operand of
 #: the second it gives. Each rounds as the pair does.
@@ -23,8 +25,18 @@ _PAIRS = {
     ("-", "/", 0): "a/b-c",
     ("*", "*", 0): "a*b*c",
     ("*", "*", 1): "a*b*c",
+    ("neg", "*", 0): "-a*b",
+    ("where", ">", 0): "a>b?c:d",
+    ("where", "<", 0): "a<b?c:d",
+    ("where", "-", 1): "c?a-b:d",
+    ("where", "*", 1): "c?a*b:d",
+    ("where", "/", 1): "c?a/b:d",
+    ("(a-b)/c", "-", 0): "(a-b-c)/d",
+    ("a/b-c", "+", 0): "(a+b)/c-d",
+    ("a*b+c", "*", 2): "a*b+c*d",
 }
 FUSED = tuple(dict.fromkeys(_PAIRS.values()))
+_OPERANDS_OF_FUSED = {name: len(set("abcd").intersection(name)) for name in FUSED}
 _UNARY = frozenset(("neg", "abs", "sign", "sqrt", "exp", "log", "sin", "cos", "tan", "tanh", "not", "square"))
 
 
@@ -45,21 +57,29 @@ def shortened(
 
 
 def _operands(name: str) -> int:
-    return 3 if name == "where" else 1 if name in _UNARY else 2
+    return _OPERANDS_OF_FUSED.get(name) or (3 if name == "where" else 1 if name in _UNARY else 2)
 
 
 def _fused(
     lines: Sequence[Line], names: Mapping[int, str], opcodes: Mapping[str, int], uses: Counter[int]
 ) -> list[Line]:
     found: dict[int, Line] = {}
-    for line in lines:
-        op, target, *operands = line
-        found[target] = line
-        for side in (0, 1):
-            first = found.get(operands[side])
-            pair = _PAIRS.get((names[op], names[first[0]], side)) if first else None
-            if first and pair and uses[first[1]] == 1:
-                found[target] = (opcodes[pair], target, first[2], first[3], operands[1 - side])
-                del found[first[1]]
-                break
-    return list(found.values())
+    for plain in lines:
+        line = plain
+        while (side := _served(line, names, found, uses)) is not None:
+            op, target, *operands = line[: 2 + _operands(names[line[0]])]
+            first = found.pop(operands.pop(side))
+            line = (opcodes[_PAIRS[names[op], names[first[0]], side]], target, *first[2:4], *operands)
+        found[line[1]] = line
+    return [(*line, *(0,) * (WIDTH - len(line))) for line in found.values()]
+
+
+def _served(
+    line: Line, names: Mapping[int, str], found: Mapping[int, Line], uses: Counter[int]
+) -> int | None:
+    """Which operand of an instruction another gives, for it alone, that can be put together with it."""
+    for side, place in enumerate(line[2 : 2 + _operands(names[line[0]])]):
+        first = found.get(place)
+        if first and uses[place] == 1 and (names[line[0]], names[first[0]], side) in _PAIRS:
+            return side
+    return None

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_hal.plant.expressions import Name, Node, Num, Op
-from sim_hal.plant.fuse import FUSED, shortened
+from sim_hal.plant.fuse import FUSED, WIDTH, shortened
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -113,7 +113,7 @@ class Layout(NamedTuple):
 class Program(NamedTuple):
     """All that the engine needs to know of a plant."""
 
-    code: Ints  # (instructions, 5): operation, target, operands
+    code: Ints  # (instructions, WIDTH): operation, target, operands
     table: Ints  # the layout, then registers in lists that it tells apart
     registers: Floats  # initial content: the constants
     layout: Layout
@@ -240,7 +240,9 @@ class Builder:
         """All instructions, and where each section ends; `asked` are registers that are read from elsewhere."""
         sections = shortened([self._code[section] for section in Section], OPCODES, asked)
         ends = np.cumsum([len(lines) for lines in sections]).tolist()
-        return np.array([line for lines in sections for line in lines], dtype=np.int64).reshape(-1, 5), ends
+        return np.array([line for lines in sections for line in lines], dtype=np.int64).reshape(
+            -1, WIDTH
+        ), ends
 
     def registers(self) -> Floats:
         """Initial content of the register file."""

@@ -26,8 +26,11 @@ IDLE = 3  # mode of a memory or kink without strength
 _ADD, _SUB, _MUL, _DIV, _POW, _NEG, _ABS, _SIGN, _SQRT, _EXP = range(10)
 _LOG, _SIN, _COS, _TAN, _TANH, _MIN, _MAX, _WHERE, _LT, _LE, _GT, _GE = range(10, 22)
 _AND, _OR, _NOT, _SINCE, _SQUARE = range(22, 27)
-_MUL_ADD, _MUL_SUB, _LESS_MUL, _SUB_MUL, _SUB_DIV, _DIV_SUB, _MUL_MUL = range(27, 34)
-assert len(OPCODES) == _MUL_MUL + 1
+_MUL_ADD, _MUL_SUB, _LESS_MUL, _SUB_MUL, _SUB_DIV, _DIV_SUB, _MUL_MUL, _NEG_MUL = range(27, 35)
+_IF_GREATER, _IF_LESS, _WHERE_SUB, _WHERE_MUL, _WHERE_DIV, _SUB_SUB_DIV, _ADD_DIV_SUB, _MULS_ADD = range(
+    35, 43
+)
+assert len(OPCODES) == _MULS_ADD + 1
 
 # Places of the layout in the table.
 (NS, NU, NF, M, Q, NW, TIME_AT, PARAMETER, INPUT, START_VALUE, SLOPE, SEGMENT, FLAG, FLAG_TIME) = range(14)
@@ -146,6 +149,24 @@ def execute(code: Ints2, start: int, stop: int, r: Floats1) -> None:
             r[to] = a / b - r[code[n, 4]]
         elif op == _MUL_MUL:
             r[to] = a * b * r[code[n, 4]]
+        elif op == _IF_GREATER:
+            r[to] = r[code[n, 4]] if a > b else r[code[n, 5]]
+        elif op == _IF_LESS:
+            r[to] = r[code[n, 4]] if a < b else r[code[n, 5]]
+        elif op == _WHERE_SUB:
+            r[to] = a - b if r[code[n, 4]] != 0.0 else r[code[n, 5]]
+        elif op == _WHERE_MUL:
+            r[to] = a * b if r[code[n, 4]] != 0.0 else r[code[n, 5]]
+        elif op == _WHERE_DIV:
+            r[to] = a / b if r[code[n, 4]] != 0.0 else r[code[n, 5]]
+        elif op == _SUB_SUB_DIV:
+            r[to] = (a - b - r[code[n, 4]]) / r[code[n, 5]]
+        elif op == _ADD_DIV_SUB:
+            r[to] = (a + b) / r[code[n, 4]] - r[code[n, 5]]
+        elif op == _MULS_ADD:
+            r[to] = a * b + r[code[n, 4]] * r[code[n, 5]]
+        elif op == _NEG_MUL:
+            r[to] = -(a * b)
         elif op == _DIV:
             r[to] = a / b
         elif op == _SQUARE:
