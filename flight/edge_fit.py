@@ -117,7 +117,7 @@ def fit_edges(data: EdgeData, starts: Array, heartbeat: Heartbeat) -> list[Edge]
         running &= np.isfinite(costs)
         for step in range(_MAX_STEPS):
             if step >= _HOPELESS[0]:
-                running &= costs < np.nanmin(costs) + _HOPELESS[1]
+                running &= costs < costs.min() + _HOPELESS[1]
             now = np.flatnonzero(running)
             if not now.size:
                 break

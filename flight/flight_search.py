@@ -123,11 +123,11 @@ def slide(step_s: float, times_s: Array, values: Array, pole: complex, periods: 
     drift = tau / (0.5 * width * step_s)
     shapes = np.column_stack((np.ones(width), cosine, sine, drift * cosine, drift * sine))
     basis, triangle = np.linalg.qr(shapes)
-    windows = np.lib.stride_tricks.sliding_window_view(values, width)
-    found = windows @ basis
-    coefficients = np.linalg.solve(triangle, found.T)
-    power = np.convolve(values**2, np.ones(width), mode="valid")
-    left = np.maximum(power - np.sum(found**2, axis=1), 0.0)
+    # Shape by shape: a product of matrices this large would be spread over all of the board's cores.
+    found = np.array([np.correlate(values, shape) for shape in basis.T])
+    coefficients = np.linalg.solve(triangle, found)
+    power = np.correlate(values**2, np.ones(width))
+    left = np.maximum(power - np.sum(found**2, axis=0), 0.0)
     return Windows(
         step_s,
         width,

@@ -6,6 +6,7 @@ delta'' + 2 lambda delta' + omega_0^2 delta = 0 with omega_0^2 = k (1/m_b + 1/m_
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass
 
@@ -44,7 +45,7 @@ class Ringing:
 
     def phasor(self, time_s: float) -> complex:
         amplitude = complex(self.cosine_m_s2, -self.sine_m_s2)
-        return amplitude * complex(np.exp(self.pole * (time_s - self.reference_s)))
+        return amplitude * cmath.exp(self.pole * (time_s - self.reference_s))
 
     def seen_from(self, time_s: float) -> Ringing:
         """The same ringing with another reference time."""
