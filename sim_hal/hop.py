@@ -61,10 +61,12 @@ class Hop:
         self._watch_for_rest(times_s[-1] - self.start_s)
         return traced
 
-    def _watch_for_rest(self, time_s: float) -> None:
+    def _slow(self) -> bool:
         states = self._simulator.state()
-        slow = max(abs(states["v_b"]), abs(states["v_l"])) < self._rest.speed_m_s
-        if not (slow and self.opened):
+        return max(abs(states["v_b"]), abs(states["v_l"])) < self._rest.speed_m_s
+
+    def _watch_for_rest(self, time_s: float) -> None:
+        if not (self.opened and self._slow()):
             self._quiet_since_s = None
         elif self._quiet_since_s is None:
             self._quiet_since_s = time_s

@@ -121,7 +121,9 @@ class Rig:
         """Apply a motor voltage [V], if the motor has power and obeys."""
         if self.faults.planted:
             self._note_disobedience("motor", voltage_v != self.world.voltage_v)
-        if self._obeys("motor"):
+            if not self._obeys("motor"):
+                return
+        if not self.watchdog_expired:
             self._asked_v = voltage_v
             self._supply_motor()
 

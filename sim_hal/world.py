@@ -180,9 +180,11 @@ class World:
         if len(instants) == 1:  # nearly always: all that samples the drive does so at the end of a tick
             [self.now_s] = instants
             self._drive_until(self.now_s)
+            position_m, current_a, compression_m = self._of_drive()
             truth: Truth = {
-                name: (value,) * len(wanted[name])
-                for name, value in zip(OF_DRIVE, self._of_drive(), strict=True)
+                NUT: (position_m,) * len(wanted[NUT]),
+                CURRENT: (current_a,) * len(wanted[CURRENT]),
+                SPRING: (compression_m,) * len(wanted[SPRING]),
             }
         else:
             truth = self._stand_and_look(of_drive, wanted, sorted(instants))
