@@ -76,6 +76,7 @@ class TensioningDrive:
             conditions=self._conditions,
             known={"nut_position_m": position_m - self._shift_m},
             initial={name: value for name, value in states.items() if name != ANGLE},
+            definitions=False,
         )
         self._places = [self._simulator.names.index(name) for name in _SEEN]
         self._look(self._simulator.values())

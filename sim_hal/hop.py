@@ -29,7 +29,9 @@ class Hop:
         rest: RestSettings,
     ) -> None:
         known = {"spring_compression_m": compression_m}
-        self._simulator = Simulator(plant, conditions=conditions, known=known, events={FIRE: 0.0})
+        self._simulator = Simulator(
+            plant, conditions=conditions, known=known, events={FIRE: 0.0}, definitions=False
+        )
         self._rest = rest
         self._quiet_since_s: float | None = None
         self.start_s = start_s
@@ -76,5 +78,5 @@ class Hop:
 
 def standing_reading_m_s2(plant: Plant, conditions: Mapping[str, float | str]) -> float:
     """What the accelerometer reads while the robot stands [m/s²]."""
-    standing = Simulator(plant, conditions=conditions, known={"spring_compression_m": 0.0})
+    standing = Simulator(plant, conditions=conditions, known={"spring_compression_m": 0.0}, definitions=False)
     return standing.outputs()["body_acceleration_m_s2"]

@@ -82,7 +82,7 @@ def trace_hop(plant: Plant, conditions: Mapping[str, float | str], compression_m
 
 
 def _opening_s(plant: Plant, conditions: Mapping[str, float | str], known: Mapping[str, float]) -> float:
-    simulator = Simulator(plant, conditions=conditions, known=known, events={FIRE: 0.0})
+    simulator = Simulator(plant, conditions=conditions, known=known, events={FIRE: 0.0}, definitions=False)
     simulator.advance(1.0)
     opening_s = simulator.flag_time_s(OPENED)
     if opening_s is None:

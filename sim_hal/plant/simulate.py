@@ -50,7 +50,7 @@ __all__ = [
 class Simulator:
     """A plant that is stepped along in time, inputs held over each step.
 
-    Raises `SimulationError` when it cannot go on.
+    `definitions`: whether they are told, too, beside the outputs. Raises `SimulationError` when it cannot go on.
     """
 
     def __init__(
@@ -62,8 +62,9 @@ class Simulator:
         events: Mapping[str, float] | None = None,
         start_s: float = 0.0,
         initial: Mapping[str, float] | None = None,
+        definitions: bool = True,
     ) -> None:
-        self._compiled = _compiled(plant)
+        self._compiled = _compiled(plant, definitions)
         self._flags = self._compiled.assembled.flags
         self._events = np.array([(events or {}).get(name, np.inf) for name in self._flags], dtype=float)
         self._places = {name: place for place, name in enumerate(plant.structure.inputs)}
@@ -76,7 +77,7 @@ class Simulator:
         self.time_s = start_s
         """Simulated time."""
         self.names = self._compiled.output_names
-        """Names of outputs and definitions, in the order of `values`."""
+        """Names of outputs, and of definitions if they are told, in the order of `values`."""
         self._late = self._compiled.lateness(self._compiled.values, run)
         for channel, late in self._late.items():
             if late.skew < 0.0 or late.delay_s < 0.0:
@@ -218,16 +219,16 @@ class Simulator:
         return float(np.interp(time_s, times, [values[channel] for _, values in self._history]))
 
 
-_RECENT: deque[CompiledPlant] = deque(maxlen=8)
+_RECENT: deque[tuple[bool, CompiledPlant]] = deque(maxlen=8)
 
 
-def _compiled(plant: Plant) -> CompiledPlant:
-    """A plant made ready with its definitions as outputs: kept, for a robot's plants start anew with each hop."""
-    for known in tuple(_RECENT):
-        if known.plant is plant:
+def _compiled(plant: Plant, definitions: bool) -> CompiledPlant:
+    """A plant made ready, its definitions as outputs or not: kept, for a robot's plants start anew with each hop."""
+    for told, known in tuple(_RECENT):
+        if known.plant is plant and told is definitions:
             return known
-    _RECENT.append(compile_plant(plant, extra=_numbers(plant)))
-    return _RECENT[-1]
+    _RECENT.append((definitions, compile_plant(plant, extra=_numbers(plant) if definitions else {})))
+    return _RECENT[-1][1]
 
 
 def _numbers(plant: Plant) -> dict[str, Node]:
