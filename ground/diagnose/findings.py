@@ -32,6 +32,9 @@ UNDECIDED = 0.5
 """Kind and place less probable than this are not claimed: the verdict is then undecidable."""
 EXCESS = 1.5
 """Standardised rms above which residuals say that something is there, though no candidate explains it."""
+NEARLY, FAR_BEYOND = 0.5, 10.0
+"""Rms above which they say so as well where the sensor is much finer than a model is judged: in what that is judged
+by, and in sigmas of the sensor itself."""
 STILL_OPEN = 0.02
 """An alternative more probable than this is worth a run."""
 SHARE_OF_GAIN = 0.8
@@ -61,7 +64,7 @@ def finding_of(
     candidate = chosen.candidate
     parameters = candidate.estimates(fit.plant, fit.values, fit.std)
     rivals = shared_with_twins(chosen)
-    known = 1.0 if candidate.physics_id == UNLISTED else listed(fit)
+    known = 1.0 if candidate.physics_id == UNLISTED else listed(fit) * accounted(fit, refit, segments)
     own = known * next(w for c, w in rivals if c is candidate)
     return Finding(
         kind=candidate.kind,
@@ -197,11 +200,39 @@ def regime_of(candidate: Candidate, forces: Sequence[LocatedForce]) -> str:
     return f"Before the extension, {cause} alone explains {share:.0%} of this equation's missing force."
 
 
-def verdict_of(named: Named, segments: Sequence[Segment]) -> Verdict:
-    """Mismatch when it is told what lacks; undecidable when something is there and the data do not say what."""
-    if any(told_where(chosen) >= UNDECIDED for chosen in named.chosen):
+def verdict_of(named: Named, refit: Fit, segments: Sequence[Segment], finer: Float) -> Verdict:
+    """Mismatch when it is told what lacks; undecidable when something is there and the data do not say what.
+
+    `finer` (outputs,) is how many times finer each sensor is than a model of the rig is judged.
+    """
+    share = accounted(named.fit, refit, segments)
+    if any(share * told_where(chosen) >= UNDECIDED for chosen in named.chosen):
         return "mismatch"
-    return "undecidable" if named.chosen or unexplained(named.fit, segments) else "consistent"
+    there = unexplained(named.fit, segments) or beyond(named.fit, segments, finer)
+    return "undecidable" if named.chosen or there else "consistent"
+
+
+def accounted(fit: Fit, refit: Fit, segments: Sequence[Segment]) -> float:
+    """Share of what exceeded the noise that the extended plant explains; 1 where what it leaves may be noise.
+
+    A law of the catalogue may take half of what another, which is in none, has done; it is not at work for that.
+    """
+    if not unexplained(fit, segments):
+        return 1.0
+    noise = sum(int(np.isfinite(segment.observed).sum()) for segment in segments)
+    excess, left = refit.chi2 - noise, fit.chi2 - noise
+    return float(np.clip(1.0 - left / excess, 0.0, 1.0)) if excess > 0.0 else 1.0
+
+
+def beyond(fit: Fit, segments: Sequence[Segment], finer: Float) -> bool:
+    """Whether a sensor that is finer than a model is judged by sees errors far beyond its noise, and no noise."""
+    channels = in_sample(fit, segments).by_channel()
+    for channel, factor in zip(channels, finer, strict=True):
+        seen = channel[np.isfinite(channel)]
+        rms = float(np.sqrt(np.mean(seen**2))) if seen.size else 0.0
+        if rms > NEARLY and rms * factor > FAR_BEYOND and whiteness_p(channel) < SURELY_NO_NOISE:
+            return True
+    return False
 
 
 def told_where(chosen: Chosen) -> float:

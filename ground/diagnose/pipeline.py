@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -78,6 +79,11 @@ class Data:
     noise: Mapping[str, float]
     single: bool
     by_windows: bool  # the plant runs away when run free: what is held out is judged in windows alone
+
+    def finer(self, names: Sequence[str]) -> Float:
+        """How many times finer each sensor is than the plant is judged, (outputs,), outputs named in order."""
+        noise = np.array([self.noise.get(name, math.nan) for name in names])
+        return np.where(noise > 0.0, self.sigmas / np.where(noise > 0.0, noise, 1.0), 1.0)
 
 
 @dataclass(frozen=True)
@@ -236,7 +242,7 @@ def conclude(
         plant=plant.name,
         fitted=tuple(r.run for r in data.fitted),
         held_out=tuple(r.run for r in data.held_out),
-        verdict=verdict_of(named, data.windows),
+        verdict=verdict_of(named, refit, data.windows, data.finer(tuple(plant.structure.outputs))),
         findings=findings,
         fit=verified.fit,
         residual_whiteness=verified.whiteness,
