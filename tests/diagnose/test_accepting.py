@@ -75,6 +75,25 @@ def test_what_was_held_out_confirms_an_effect_that_is_there_and_no_other(
     assert bool(failed) != bool(level_n)
 
 
+def test_an_effect_without_which_nothing_can_be_predicted_is_kept(tmp_path: Path) -> None:
+    """Dry friction beside a stretch with less of it: without the first, the second would push."""
+    given = plant(tmp_path)
+    truth = given.with_effect(friction(0.8))
+    data, refit = refitted(given, truth, seed=6)
+    candidate, fit = with_effect("coulomb_friction", data, refit)
+    less = {
+        "F_p": Parameter(-0.3, 0.0, "N"),
+        "x_p": Parameter(0.0, 0.0, "m"),
+        "w_p": Parameter(1.0, 0.0, "m"),
+    }
+    pushes = EffectUse("position_dependent_friction", "force_balance", None, less)
+    absent = replace(refit, plant=refit.plant.with_effect(pushes))
+    with Workers(data.windows, data.sigmas, find_scales(refit, data.windows), 1) as workers:
+        search = Search(workers, Outlook(), given, workers.context.scales)
+        named = Named(fit, (Chosen(candidate, 1.0, (), (), (), refit.chi2, absent=absent),), (), ())
+        assert holds(named, search, HeldOutViews(data.held_out_windows, data.held_out_whole))
+
+
 @pytest.mark.parametrize("there", [True, False])
 def test_what_no_window_feels_must_not_carry_a_whole_recording_away(tmp_path: Path, there: bool) -> None:
     """A force so small that every window, anchored anew, bears with it; it carries a whole recording far away."""
