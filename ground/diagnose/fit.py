@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.diagnose.gauss_newton import Columns, minimise
+from ground.diagnose.gauss_newton import Columns, Least, minimise
 from ground.diagnose.problem import PRECISE_TOLERANCE, FitProblem, Free, Ranges, head_of
 from ground.diagnose.segments import Segment
 from sim_hal.plant.simulate import Plant
@@ -18,6 +18,9 @@ Float = NDArray[np.float64]
 
 MUCH_WORSE = 2.0
 """Residuals this many times larger under the finer integration mean that it did not get through."""
+AGAIN = 2
+WELL_WORTH = 0.9
+"""Segments left behind start anew at most so often, and while that takes the sum of squares below this share."""
 LEAST_INFORMATION = 1e-12
 """Smallest eigenvalue of a scaled information matrix that counts as known."""
 
@@ -115,13 +118,6 @@ def fit_plant(
     problem = FitProblem(plant, segments, sigmas, ranges)
     prior = np.array([1.0 if free.prior else 0.0 for free in problem.free])
     rows = sum(segment.observed.size for segment in segments)
-
-    def cost(z: Float) -> Float:
-        return np.concatenate([problem.residuals(z), prior * z])
-
-    def slope(z: Float, base: Float, columns: Columns) -> Float:
-        return np.vstack([problem.sensitivities(z, base[:rows], columns), np.diag(prior)[:, columns]])
-
     start = dict(known or {})
     for share in approach:
         heads = [head_of(segment, share) for segment in segments]
@@ -129,16 +125,10 @@ def fit_plant(
             plant, heads, sigmas, ranges, start, tolerance=tolerance, iterations=iterations
         ).values
     z = problem.start((near.values if near else {}) | start, near.initial if near else ())
-    low, high = bounds_of(problem.free)
     borrows = near is not None and plant.kind != "equations"  # few unknowns there, and friction that sticks
     inherited, own = lent(near, problem.free, prior) if near and borrows else (None, None)
-    least = minimise(
-        *(cost, slope, z, low, high),
-        tolerance=tolerance,
-        iterations=iterations,
-        inherited=inherited,
-        own=own,
-        rough=rough,
+    least = least_of(
+        problem, z, tolerance=tolerance, iterations=iterations, inherited=inherited, own=own, rough=rough
     )
     z, residuals, jacobian = least.z, least.residuals[:rows], least.jacobian[:rows]
     if precise:
@@ -160,6 +150,48 @@ def fit_plant(
         jacobian=jacobian,
         initial=tuple(problem.initial(z, number) for number in range(len(problem.segments))),
     )
+
+
+def least_of(
+    problem: FitProblem,
+    z: Float,
+    *,
+    tolerance: float,
+    iterations: int,
+    inherited: Float | None = None,
+    own: Columns | None = None,
+    rough: bool = False,
+) -> Least:
+    """The least squares of a problem with its priors, from unknowns `z`; segments left behind start once more."""
+    prior = np.array([1.0 if free.prior else 0.0 for free in problem.free])
+    rows = sum(segment.observed.size for segment in problem.segments)
+
+    def cost(z: Float) -> Float:
+        return np.concatenate([problem.residuals(z), prior * z])
+
+    def slope(z: Float, base: Float, columns: Columns) -> Float:
+        return np.vstack([problem.sensitivities(z, base[:rows], columns), np.diag(prior)[:, columns]])
+
+    def from_here(z: Float, inherited: Float | None = None, rough: bool = False) -> Least:
+        return minimise(
+            *(cost, slope, z, *bounds_of(problem.free)),
+            tolerance=tolerance,
+            iterations=iterations,
+            inherited=inherited,
+            own=own if inherited is not None else None,
+            rough=rough,
+        )
+
+    least = from_here(z, inherited, rough)
+    for _ in range(AGAIN):
+        again = problem.anew(least.z, least.residuals[:rows])
+        if again is None:
+            break
+        other = from_here(again)
+        if other.power > WELL_WORTH * least.power:
+            break
+        least = other
+    return least
 
 
 def lent(near: Fit, free: Sequence[Free], prior: Float) -> tuple[Float, Columns]:

@@ -35,6 +35,11 @@ class Least:
     jacobian: Float
     fresh: bool
 
+    @property
+    def power(self) -> float:
+        """The sum of squares."""
+        return float(self.residuals @ self.residuals)
+
 
 def minimise(
     residuals: Callable[[Float], Float],

@@ -7,6 +7,7 @@ All are scaled to order one.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -25,6 +26,8 @@ PRIOR_REACH = 3.0
 STEP = 1e-3
 """One-sided difference step in scaled units: above the integrator's error, below where curvature shows."""
 SHIFTED_SAMPLES = 2.0
+LEFT_BEHIND = 30.0
+"""A segment whose mean square residual is this many times the usual one's may have stuck at a false start."""
 PRECISE_STEP = 1e-2
 PRECISE_TOLERANCE = 1e-10
 """For covariances: central differences. Parameters that only occur as ratios (all masses and stiffnesses scaled
@@ -223,6 +226,18 @@ class FitProblem:
             low, high = free.bounds()
             z[i] = min(max(z[i], low + 1e-9), high - 1e-9)
         return z
+
+    def anew(self, z: Float, residuals: Float) -> Float | None:
+        """The unknowns with the open initial states as at the start in the segments left behind; None if none is.
+
+        While a law was still far off, a segment may have found a wrong start that fitted better, and stay there.
+        """
+        pieces = [residuals[a:b] for a, b in itertools.pairwise(self._edges)]
+        powers = [float(piece @ piece) / piece.size for piece in pieces]
+        usual = max(1.0, sorted(powers)[(len(powers) - 1) // 2])
+        behind = {number for number, power in enumerate(powers) if power > LEFT_BEHIND * usual}
+        own = np.array([one.segment in behind for one in self.free], dtype=bool)
+        return np.where(own, 0.0, z) if own.any() else None
 
     def settle_initial_states(self) -> Float:
         """Best open initial states with all parameters as they are (used where everything else is frozen)."""

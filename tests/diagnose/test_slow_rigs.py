@@ -9,6 +9,7 @@ import pytest
 
 from ground.diagnose.fit import fit_plant
 from ground.diagnose.pipeline import diagnose, prepare
+from ground.diagnose.problem import FitProblem
 from ground.diagnose.scales import find_scales
 from ground.recordings.model import Recording, SensorSpec
 from sim_hal.plant.expressions import parse, summands, to_text
@@ -94,3 +95,18 @@ def test_the_typical_force_is_the_largest_that_acts(tmp_path: Path) -> None:
 )
 def test_what_a_sum_is_multiplied_with_goes_with_each_part(text: str, parts: list[str]) -> None:
     assert [to_text(part) for part in summands(parse(text))] == parts
+
+
+def test_a_window_that_stuck_at_a_false_start_starts_anew(tmp_path: Path) -> None:
+    """With a friction still far too large a window may seem to begin with another speed, and never come back."""
+    given = press(tmp_path)
+    data = prepare(pressed(given, seed=4), given)
+    problem = FitProblem(given, data.windows, data.sigmas, {})
+    z = problem.settle_initial_states()
+    own = np.array([one.segment == 1 for one in problem.free])
+    assert own.any() and problem.anew(z, problem.residuals(z)) is None
+    lost = np.where(own, z + 50.0, z)
+    again = problem.anew(lost, problem.residuals(lost))
+    assert again is not None
+    np.testing.assert_array_equal(again[own], 0.0)
+    np.testing.assert_array_equal(again[~own], z[~own])
