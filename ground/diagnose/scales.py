@@ -26,8 +26,9 @@ SHORT = 0.05
 
 
 def find_scales(fit: Fit, segments: Sequence[Segment]) -> dict[str, dict[str, float]]:
-    """Scales by balance equation (F, V, X, X_low, X_mid, X_high, P, T, M) and by output channel (Y, Y_max, T, D)."""
+    """Scales by balance equation (F, V, X, X_low, X_mid, X_high, P, T, M) and channel (Y, Y_max, T, D, S)."""
     plant = fit.plant
+    sample_s = float(np.median(np.concatenate([np.diff(s.run.times_s) for s in segments])))
     duration = float(np.median([s.run.times_s[-1] - s.run.times_s[0] for s in segments]))
     longest = max(float(s.run.times_s[-1] - s.run.began_s) for s in segments)
     formulas: dict[str, Node] = {}
@@ -42,7 +43,8 @@ def find_scales(fit: Fit, segments: Sequence[Segment]) -> dict[str, dict[str, fl
         measured = np.concatenate([s.observed[:, column] for s in segments])
         if np.isfinite(measured).any():
             largest = float(np.nanmax(np.abs(measured)))
-            scales[channel] = {"Y": typical(measured), "Y_max": largest, "T": duration, "D": longest}
+            times = {"T": duration, "D": longest, "S": sample_s}
+            scales[channel] = {"Y": typical(measured), "Y_max": largest} | times
     return {name: own for name, own in scales.items() if own}
 
 

@@ -35,8 +35,9 @@ PRESSED = 2.5
 
 @dataclass(frozen=True)
 class Promise:
-    """What one start of a candidate promises: a drop in cost, where (`values`), and how it moves the residuals.
+    """What one start of a candidate promises: a drop in cost, where, and how it moves the residuals.
 
+    Where: at `values` of what is fitted, and open states beginning from `initial`, by segment.
     `least` is the strength, as a multiple of the start's, that these recordings would have shown (`SEEN`); infinite
     where they do not feel the effect at all.
     """
@@ -48,6 +49,7 @@ class Promise:
     values: Mapping[str, float]
     direction: Float
     least: float
+    initial: tuple[Mapping[str, float], ...]
 
 
 class Absorbed:
@@ -119,10 +121,11 @@ def effect_promise(context: Context, absorbed: Absorbed, candidate: EffectCandid
     gone = clear @ step
     gain = float(gone @ gone)
     unknowns = fit.z + absorbed.follow(slopes @ step)
-    values = {
-        f.name: f.centre + f.scale * z for f, z in zip(fit.free, unknowns, strict=True) if f.segment is None
-    }
-    return Promise(candidate, start, gain, step, values, gone / max(np.sqrt(gain), 1e-300), least)
+    values: dict[str, float] = {}
+    initial: tuple[dict[str, float], ...] = tuple({} for _ in fit.initial)
+    for f, z in zip(fit.free, unknowns, strict=True):
+        (values if f.segment is None else initial[f.segment])[f.name] = float(f.centre + f.scale * z)
+    return Promise(candidate, start, gain, step, values, gone / max(np.sqrt(gain), 1e-300), least, initial)
 
 
 def strength_slope(
@@ -153,7 +156,8 @@ def release_promise(fit: Fit, candidate: ReleasedParameter) -> list[Promise]:
     if step[0] * fit.z[index] <= 0.0:
         return []
     least = float(np.sqrt(SEEN) / np.linalg.norm(clear))
-    return [Promise(candidate, 0, gain, step, fit.values, gone / max(np.linalg.norm(gone), 1e-300), least)]
+    direction = gone / max(np.linalg.norm(gone), 1e-300)
+    return [Promise(candidate, 0, gain, step, fit.values, direction, least, fit.initial)]
 
 
 def trial_job(context: Context, task: tuple[Fit, Promise]) -> Promise:
@@ -172,7 +176,11 @@ def trial_job(context: Context, task: tuple[Fit, Promise]) -> Promise:
             if (flat := f"{candidate.key}.{name}") in ranges:  # what acts as a whole has nothing to choose
                 start, low, high = ranges[flat]
                 values[flat] = min(max(share * step * start, low), high)
-        z = problem.start(values, fit.initial)
+        initial = [
+            {name: old + share * (new[name] - old) for name, old in own.items()}
+            for own, new in zip(fit.initial, promise.initial, strict=True)
+        ]
+        z = problem.start(values, initial)
         residuals = problem.residuals(z)
         prior = np.array([1.0 if free.prior else 0.0 for free in problem.free])
         gain = fit.cost - float(residuals @ residuals + prior @ z**2)

@@ -29,10 +29,10 @@ class EffectParameter:
     `unit` may use `force`, `velocity`, `position` and `channel`, the units of the place it enters. `start`, `low`,
     `high` span what is plausible, as formulas of the plant's parameters and the scales F (force), M (inertia),
     V (velocity), T (duration), Y (channel, Y_max its largest reading), X (travel, within X_low … X_high, X_mid its
-    middle, P a period in it). A strength is zero where the effect is absent; a `constant` (air density, say) is not
-    fitted, but `also` lists further values of it that are worth a try. `least`, `most` and `above` (which itself is
-    excluded) bound what is physical at all. `usual`, with the further scale D (duration of a whole recording), is a
-    size that real ones seldom exceed by much.
+    middle, P a period in it; S a sample). A strength is zero where the effect is absent; a `constant` (air density,
+    say) is not fitted. `also` lists further values to start from, of a constant to try. `least`, `most` and `above`
+    (which itself is excluded) bound what is physical at all. `usual`, with the further scale D (duration of a whole
+    recording), is a size that real ones seldom exceed by much.
     """
 
     name: str

@@ -92,7 +92,15 @@ BANDWIDTH = Effect(
     forms=(
         Form(
             parameters=(
-                EffectParameter("tau", "s", "0.003 * T", "0.00005 * T", "0.2 * T", above=0.0),
+                EffectParameter(
+                    "tau",
+                    "s",
+                    "2 * S",
+                    "0.1 * S",
+                    "0.2 * T",
+                    above=0.0,
+                    also=("0.5 * S", "8 * S", "0.003 * T"),
+                ),
                 WHOLE,
             ),
             low_pass="tau",
