@@ -119,8 +119,12 @@ def what_moves(candidate: Candidate, plant: Plant) -> str:
 
 
 def shared_with_twins(chosen: Chosen) -> list[tuple[Candidate, float]]:
-    """Probabilities of the effect, its rivals and its twins, largest first; twins share by their prior odds."""
-    alike = ((chosen.candidate, 1.0), *chosen.twins)
+    """Probabilities of the effect, its rivals and its twins, largest first; twins share by their prior odds.
+
+    What acts alike from one start but was told apart when fitted from another is a rival and no twin.
+    """
+    rivals = {candidate.key for candidate, _ in chosen.weights}
+    alike = ((chosen.candidate, 1.0), *((c, odd) for c, odd in chosen.twins if c.key not in rivals))
     whole = sum(odd for _, odd in alike)
     shares = [(c, w * chosen.probability_better) for c, w in chosen.weights]
     own = next(w for c, w in shares if c is chosen.candidate)

@@ -10,7 +10,7 @@ from diagnose_rig import friction, plant, recordings
 
 from ground.diagnose.candidates import effect_candidates
 from ground.diagnose.chosen import Chosen, Named
-from ground.diagnose.findings import findings_of
+from ground.diagnose.findings import accounted, findings_of, shared_with_twins
 from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.pipeline import prepare
 from ground.diagnose.scales import find_scales
@@ -53,5 +53,19 @@ def test_what_is_found_is_said_to_be_that_probable(tmp_path: Path, stiffness: fl
     fit = fitted(given.with_effect(friction(0.8)), truth.with_effect(friction(0.8)), seed=6)
     one = Chosen(candidate, 1.0, (), (), ((candidate, 0.9), (candidate, 0.1)), refit.chi2)
     (found,) = findings_of(Named(fit, (one,), (), ()), refit, data.windows, ())
-    assert found.probability == pytest.approx(0.9 * listed(fit))
+    known = listed(fit) * accounted(fit, refit, data.windows)
+    assert found.probability == pytest.approx(0.9 * known)
     assert (found.probability > 0.7) == sure
+
+
+def test_a_twin_that_its_own_fit_told_apart_takes_no_share(tmp_path: Path) -> None:
+    given = plant(tmp_path)
+    data = prepare(recordings(given, seed=6, count=4), given)
+    offered = effect_candidates(
+        given, find_scales(fit_plant(given, data.windows, data.sigmas, {}), data.windows)
+    )
+    one, told, alike = offered[:3]
+    weights = ((one, 0.99), (told, 0.01))
+    chosen = Chosen(one, 1.0, (told,), ((told, 1.0), (alike, 1.0)), weights)
+    shares = [(candidate.key, share) for candidate, share in shared_with_twins(chosen)]
+    assert sorted(shares) == sorted([(one.key, 0.495), (alike.key, 0.495), (told.key, 0.01)])

@@ -99,7 +99,7 @@ BANDWIDTH = Effect(
                     "0.1 * S",
                     "0.2 * T",
                     above=0.0,
-                    also=("0.5 * S", "8 * S", "0.003 * T"),
+                    also=("8 * S", "0.003 * T"),
                 ),
                 WHOLE,
             ),
