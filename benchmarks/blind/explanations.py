@@ -164,8 +164,9 @@ def typical_scales(plant: Plant, runs: Sequence[Recording]) -> dict[str, dict[st
     table = np.vstack([compiled.run(compiled.values, to_run(run, plant)) for run in runs])
     series = {name: table[:, i] for i, name in enumerate(compiled.output_names)}
     duration = float(np.median([run.times_s[-1] - run.times_s[0] for run in runs]))
+    times = {"T": duration, "S": float(np.median(np.diff(runs[0].times_s)))}
     scales = {
-        name: {"T": duration, "Y": _typical(series[name]), "Y_max": float(np.max(np.abs(series[name])))}
+        name: times | {"Y": _typical(series[name]), "Y_max": float(np.max(np.abs(series[name])))}
         for name in plant.structure.outputs
     }
     for name in plant.structure.balances:

@@ -58,7 +58,7 @@ def rig(name: str) -> tuple[Plant, Run, dict[str, float]]:
 
 
 def readings(values: np.ndarray) -> dict[str, float]:
-    return {"Y": float(np.ptp(values)), "Y_max": float(np.max(np.abs(values)))}
+    return {"Y": float(np.ptp(values)), "Y_max": float(np.max(np.abs(values))), "S": 1e-3}
 
 
 def uses(name: str) -> Iterator[tuple[Effect, EffectUse, Form]]:
@@ -116,7 +116,7 @@ def test_zero_strength_is_nothing_whatever_the_shape(data: st.DataObject) -> Non
     values = dict.fromkeys(use.parameters, 0.0)
     for item in form.parameters:
         if not item.strength:
-            _, low, high = prior(item, scales | {"Y_max": 1.0})
+            _, low, high = prior(item, scales | {"Y_max": 1.0, "S": 1e-3})
             values[item.name] = data.draw(st.floats(low, high), label=item.name)
     absent = plant.with_effect(use_of(plant, use.physics_id, use.equation, values, use.channel))
     nominal = simulate(plant, run)
