@@ -127,10 +127,8 @@ class Trials:
         if not isinstance(candidate, EffectCandidate):
             return usual
         start = candidate.uses[promise.start].parameters
-        sizes = {
-            f"{candidate.key}.{name}": float(step) * start[name].value
-            for name, step in zip(candidate.own_strengths, promise.step, strict=True)
-        }
+        steps = dict(zip(candidate.own_strengths, promise.step, strict=True))
+        sizes = {f"{candidate.key}.{n}": float(steps.get(n, 1.0)) * p.value for n, p in start.items()}
         return float(usual * 10.0 ** -candidate.rarity(self.given, sizes, self.scales))
 
     def held_out(self, fit: Fit) -> HeldOut:

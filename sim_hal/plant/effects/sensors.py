@@ -6,6 +6,8 @@ from sim_hal.plant.effects.base import WHOLE, Effect, EffectParameter, Form
 
 _CITATION = "J. Fraden, Handbook of Modern Sensors, 5th ed. (2016), ch. 3"
 # Usual sizes are those of a cheap sensor: NXP MPX5010, accuracy 5 % of the span, offset stability 0.5 %.
+LAG = "2 * S"
+"""How late or slow a sensor usually is at most: it is sampled about as fast as it can follow."""
 
 SCALE = Effect(
     physics_id="sensor_scale",
@@ -74,7 +76,9 @@ DELAY = Effect(
     forms=(
         Form(
             parameters=(
-                EffectParameter("delay", "s", "0.001 * T", "0", "0.1 * T", strength=True, least=0.0),
+                EffectParameter(
+                    "delay", "s", "0.001 * T", "0", "0.1 * T", strength=True, least=0.0, usual=LAG
+                ),
             ),
             delay="delay",
         ),
