@@ -95,6 +95,15 @@ def test_what_is_no_number_stands_not_still(field: str, settings: FlightSettings
     assert monitors.firing_interlocks(machine, lost, settings) == ("not_standing_still",)
 
 
+def test_a_monitor_counts_what_is_below_its_limit_and_not_the_limit(settings: FlightSettings) -> None:
+    machine, snap = healthy(Phase.HOLD)
+    least_v = settings.monitors["supply_sag"].below
+    assert least_v is not None
+    for supply_v, counted in ((least_v, 0), (math.nextafter(least_v, 0.0), 1)):
+        watched, dead = monitors.watch(machine, snap._replace(supply_v=supply_v), settings)
+        assert (watched.beyond_ticks.get("supply_sag", 0), dead) == (counted, ())
+
+
 def test_silent_sensors_are_named_and_nothing_that_they_would_have_said(settings: FlightSettings) -> None:
     snap = at_rest()._replace(specific_force_m_s2=0.0)
     for name in SENSORS:
