@@ -54,6 +54,7 @@ from flight.__main__ import KEPT_REPORTS
 from flight.background_log import BackgroundLog
 from flight.executive import Progress, fly
 from flight.log import McapLog
+from flight.states import STOWED
 from hal.log import NullLog
 from hal.tap import tap_board
 
@@ -127,10 +128,14 @@ def ticks_of_flight(logged: bool) -> list[float]:
         gc.collect()
         gc.freeze()
         gc.disable()
-        fly(flown, flight_settings.load(), plan(1), log)
+        result = fly(flown, flight_settings.load(), plan(1), log)
         gc.enable()
         if isinstance(log, BackgroundLog):
             log.close()
+    if result.end_reason != STOWED:  # half a mission has ticks, too
+        raise RuntimeError(
+            f"the mission whose ticks were timed ended as {result.end_reason!r}, not {STOWED!r}"
+        )
     return meter.ticks_us[5:]
 
 

@@ -26,7 +26,7 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
-from ground.diagnose.pipeline import DiagnosisError
+from ground.diagnose.data import DiagnosisError
 from ground.progress import Show
 from ground.recordings.model import RecordingError
 from ground.report.figure_files import write_figures

@@ -160,10 +160,18 @@ def _rms(values: list[float]) -> float:
 def on_board(repeats: int) -> list[Row]:
     """The tick, the log, and the start."""
     ticks = onboard.ticks(logged=True)[:-1]
-    budget = "budget at 200 Hz"
+    budget, of_flights = "budget at 200 Hz", f" (least of {onboard.FLIGHTS} flights)"
     rows = [
-        Row("tick, median", "µs", (float(np.median(ticks)),), budget, (TICK_BUDGET_US,)),
-        Row("tick, 99.9 %", "µs", (float(np.percentile(ticks, 99.9)),), budget, (TICK_BUDGET_US,)),
+        *(
+            Row(
+                f"tick{of_flights}, {name}",
+                "µs",
+                (float(np.percentile(ticks, share)),),
+                budget,
+                (TICK_BUDGET_US,),
+            )
+            for name, share in (("median", 50.0), ("99.9 %", 99.9))
+        ),
         *log_rows(recorded(LOGGED_S), LOGGED_S, repeats),
     ]
     _, cpu_s, memory_mb = onboard.start_and_memory()

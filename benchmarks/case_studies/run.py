@@ -15,6 +15,7 @@ from benchmarks.case_studies.black_box import fit_narx
 from benchmarks.case_studies.scores import Predictor, Score, blocks_of, by_plant, scored, squares, windows_of
 from benchmarks.case_studies.sparse import sparse_terms, with_terms
 from benchmarks.case_studies.study import Study
+from ground.diagnose.data import prepare
 from ground.diagnose.evidence import LocatedForce
 from ground.diagnose.fit import fit_plant
 from ground.diagnose.locate import (
@@ -25,7 +26,7 @@ from ground.diagnose.locate import (
     thinned,
     without_start,
 )
-from ground.diagnose.pipeline import diagnose, prepare, write_outcome
+from ground.diagnose.pipeline import diagnose, write_outcome
 from ground.diagnose.scales import find_scales
 from ground.diagnose.segments import Segment
 from ground.diagnose.smoothing import smooth

@@ -2,47 +2,30 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ground.diagnose.belonging import amount
-from ground.diagnose.between import between_samples
-from ground.diagnose.candidates import label_of
 from ground.diagnose.chosen import Named
 from ground.diagnose.compare import compare_with
 from ground.diagnose.confirm import HeldOutViews, holds, searched
+from ground.diagnose.data import Data, prepare
 from ground.diagnose.evidence import Evidence, LocatedForce
 from ground.diagnose.findings import findings_of, next_run, unexplained, verdict_of
 from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.locate import LocateTask, locate, still_missing
 from ground.diagnose.name import Search
 from ground.diagnose.nameless import with_formula
-from ground.diagnose.needed import needed
+from ground.diagnose.notes import notes_of
 from ground.diagnose.outlook import Outlook
 from ground.diagnose.periods import with_periods
 from ground.diagnose.power import power_of, untestable
-from ground.diagnose.problem import PRIOR_REACH
 from ground.diagnose.result import Diagnosis
 from ground.diagnose.scales import find_scales
-from ground.diagnose.segments import (
-    Segment,
-    channel_sigmas,
-    last_part,
-    segment_of,
-    sensor_sigma,
-    sigma_vector,
-    split_last_part,
-    starts_anywhere,
-)
-from ground.diagnose.tension import strained
-from ground.diagnose.unlike_units import unlike_units, unstated_units
+from ground.diagnose.segments import segment_of
 from ground.diagnose.verify import Verified, verify, windowed_rms
-from ground.diagnose.windows import runs_away, segments_to_fit
 from ground.diagnose.withdraw import withdrawals
 from ground.diagnose.workers import APPROACH, FINAL_TOLERANCE, Workers
 from ground.files import check_place, write_atomic
@@ -50,40 +33,8 @@ from ground.progress import Show, nobody
 from ground.recordings.model import Recording
 from sim_hal.plant.simulate import Plant, compile_plant
 
-Float = NDArray[np.float64]
-
-HELD_OUT_SHARE = 0.25
-"""Last part of a single recording that the fit never sees."""
-LEAST_SAMPLES = 30
-
-
 RESULTS = ("diagnosis.json", "plant.yaml", "report.html")
 """What a diagnosis leaves in its folder; the first says that the others are its own."""
-
-
-class DiagnosisError(ValueError):
-    """The recordings cannot be diagnosed with this plant; the message says why and what to do."""
-
-
-@dataclass(frozen=True)
-class Data:
-    """Recordings split into what is fitted and what is held out, as segments of the plant."""
-
-    fitted: tuple[Recording, ...]
-    held_out: tuple[Recording, ...]
-    windows: tuple[Segment, ...]
-    whole: tuple[Segment, ...]
-    held_out_whole: tuple[Segment, ...]
-    held_out_windows: tuple[Segment, ...]
-    sigmas: Float
-    noise: Mapping[str, float]
-    single: bool
-    by_windows: bool  # the plant runs away when run free: what is held out is judged in windows alone
-
-    def finer(self, names: Sequence[str]) -> Float:
-        """How many times finer each sensor is than the plant is judged, (outputs,), outputs named in order."""
-        noise = np.array([self.noise.get(name, math.nan) for name in names])
-        return np.where(noise > 0.0, self.sigmas / np.where(noise > 0.0, noise, 1.0), 1.0)
 
 
 @dataclass(frozen=True)
@@ -93,68 +44,6 @@ class Outcome:
     diagnosis: Diagnosis
     plant: Plant
     evidence: Evidence
-
-
-def prepare(recordings: Sequence[Recording], plant: Plant) -> Data:
-    """Split whole recordings into fitted and held out; one recording alone gives its last part away."""
-    for recording in recordings:
-        if recording.times_s.size < LEAST_SAMPLES:
-            raise DiagnosisError(
-                f"{recording.source or recording.run}: {recording.times_s.size} samples; a diagnosis needs at least "
-                f"{LEAST_SAMPLES} in each recording"
-            )
-    if not recordings:
-        raise DiagnosisError("no recordings were given")
-    if len(recordings) == 1:
-        first, last = split_last_part(recordings[0], HELD_OUT_SHARE)
-        fitted: tuple[Recording, ...] = (first,)
-        held_out: tuple[Recording, ...] = (last,)
-    else:
-        fitted, held_out = split_whole(recordings)
-    compiled = compile_plant(plant)
-    names = compiled.output_names
-    sigmas = channel_sigmas(fitted, plant, names)
-    still = [name for name, sigma in sigmas.items() if not sigma > 0.0]
-    if still:
-        raise DiagnosisError(
-            f"channel {still[0]!r} reads the same in every recording that is fitted, and nothing says how finely: "
-            "state noise_std or resolution under sensors, or leave the channel out"
-        )
-    windows = segments_to_fit(held_out, plant, compiled)
-    whole = tuple(segment_of(recording, plant, compiled) for recording in held_out)
-    by_windows = runs_away(held_out, plant, compiled)
-    if by_windows:
-        whole = windows
-    if len(recordings) == 1 and not starts_anywhere(compiled):
-        windows = whole = (last_part(recordings[0], plant, compiled, HELD_OUT_SHARE),)
-    return Data(
-        fitted=fitted,
-        held_out=held_out,
-        windows=segments_to_fit(fitted, plant, compiled),
-        whole=tuple(segment_of(r, plant, compiled) for r in fitted),
-        held_out_whole=whole,
-        held_out_windows=windows,
-        sigmas=sigma_vector(sigmas, names),
-        noise={name: sensor_sigma(fitted, plant, name) for name in sigmas},
-        single=len(recordings) == 1,
-        by_windows=by_windows,
-    )
-
-
-def split_whole(
-    recordings: Sequence[Recording],
-) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """A quarter of the recordings, at least one, held out: the last whose surface the others have met as well."""
-    wanted = max(1, len(recordings) // 4)
-    surfaces = [str(recording.conditions.get("surface", "")) for recording in recordings]
-    held: list[int] = []
-    for number in reversed(range(len(recordings))):
-        rest = [s for i, s in enumerate(surfaces) if i != number and i not in held]
-        if len(held) < wanted and surfaces[number] in rest:
-            held.append(number)
-    held = held or [len(recordings) - 1]
-    fitted = tuple(r for i, r in enumerate(recordings) if i not in held)
-    return fitted, tuple(recordings[i] for i in sorted(held))
 
 
 def diagnose(
@@ -273,38 +162,6 @@ def conclude(
             ],
         },
     )
-
-
-def notes_of(data: Data, plant: Plant, refit: Fit, named: Named) -> tuple[str, ...]:
-    """What a reader must keep in mind."""
-    notes = [
-        *unlike_units(plant, data.whole),
-        *unstated_units(plant),
-        amount((*data.fitted, *data.held_out), data.single),
-    ]
-    if data.by_windows:
-        notes.append(
-            "Run free, this plant runs away from what was recorded: it was fitted, and judged on what was held out, "
-            f"in windows of {data.windows[0].samples} samples, each with a start of its own."
-        )
-    notes += needed(named.chosen, plant)
-    if data.single:
-        notes.append(
-            f"There was one recording: its last {HELD_OUT_SHARE:.0%} was held out, so what changes from run to run "
-            "was not tested. A second recording would."
-        )
-    notes += between_samples(plant, named.fit.plant)
-    notes += strained(named.fit) if named.chosen else ()
-    stated = refit.plant.flat()
-    for name, value in named.fit.values.items():
-        if name in stated and stated[name].std > 0.0:
-            away = (value - stated[name].value) / stated[name].std
-            if abs(away) > PRIOR_REACH - 0.01:
-                notes.append(f"{name} ends at the edge of its tolerance ({away:+.1f} sigma).")
-    refused = ", ".join(f"{label_of(candidate)} ({p:.2f})" for candidate, p in named.refused)
-    if refused:
-        notes.append(f"Tried last and not taken (probability of predicting better in brackets): {refused}.")
-    return tuple(notes)
 
 
 def write_outcome(outcome: Outcome, folder: Path) -> None:

@@ -82,12 +82,6 @@ def read_csv_pair(path: Path) -> Recording:
     labelled = {label: table for label, table in _labelled_tables(sidecar_path).items() if table != path}
     table = read_table(path)
     others = {label: read_table(other) for label, other in labelled.items()}
-    read = {name for one in (table, *others.values()) for name in one.channels}
-    if unknown := sorted(sidecar.sensors.keys() - read):
-        raise RecordingError(
-            f"{sidecar_path}: sensors: {unknown[0]!r} is no channel of {path.name}; "
-            f"channels: {', '.join(sorted(read))}"
-        )
     return Recording(table.times_s, table.channels, **vars(sidecar), extra_tables=others, source=path)
 
 

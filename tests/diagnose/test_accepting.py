@@ -14,11 +14,12 @@ from ground.diagnose.accept import degenerate
 from ground.diagnose.candidates import Candidate, EffectCandidate, effect_candidates, ranges_of
 from ground.diagnose.chosen import Chosen, Named
 from ground.diagnose.confirm import HeldOutViews, confirmed, failing, holds
+from ground.diagnose.data import Data, prepare
 from ground.diagnose.findings import told_where
 from ground.diagnose.fit import Fit, fit_plant, robust_covariance
 from ground.diagnose.name import Search
 from ground.diagnose.outlook import Outlook
-from ground.diagnose.pipeline import Data, diagnose, prepare
+from ground.diagnose.pipeline import diagnose
 from ground.diagnose.released import released_parameters
 from ground.diagnose.result import Diagnosis
 from ground.diagnose.scales import find_scales

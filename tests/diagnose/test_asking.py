@@ -8,8 +8,8 @@ import numpy as np
 from diagnose_rig import friction, plant, recordings
 
 from ground.diagnose.ask import experiments, propose
+from ground.diagnose.data import Data, prepare
 from ground.diagnose.fit import Fit, fit_plant
-from ground.diagnose.pipeline import Data, prepare
 from sim_hal.plant.simulate import EffectUse, Parameter
 
 

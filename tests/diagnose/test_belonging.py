@@ -9,7 +9,7 @@ import pytest
 from diagnose_rig import plant, recordings
 
 from ground.diagnose.belonging import amount, belonging
-from ground.diagnose.pipeline import prepare
+from ground.diagnose.data import prepare
 from ground.diagnose.unlike_units import unlike_units
 from ground.recordings.model import RecordingError
 

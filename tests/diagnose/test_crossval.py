@@ -9,8 +9,8 @@ import numpy as np
 from diagnose_rig import friction, plant, recordings, swinging
 
 from ground.diagnose.crossval import cross_validate, in_sample
+from ground.diagnose.data import prepare
 from ground.diagnose.fit import fit_plant
-from ground.diagnose.pipeline import prepare
 
 
 def test_a_wrong_sensitivity_makes_no_good_model_bad(tmp_path: Path) -> None:

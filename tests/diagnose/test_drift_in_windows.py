@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from diagnose_rig import NOISE_M, friction, plant, recordings
 
+from ground.diagnose.data import prepare
 from ground.diagnose.fit import Fit, fit_plant
-from ground.diagnose.pipeline import prepare
 from ground.diagnose.problem import FitProblem
 from ground.diagnose.segments import segment_of, split_last_part
 from ground.recordings.model import Recording

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ground.diagnose.data import prepare
 from ground.diagnose.fit import fit_plant
-from ground.diagnose.pipeline import prepare
 from ground.diagnose.verify import windowed_rms
 from ground.importing import import_recording
 from hal.config import config_path

@@ -13,36 +13,20 @@ from diagnose_rig import recordings
 
 from ground.diagnose.accept import significance
 from ground.diagnose.candidates import EffectCandidate, effect_candidates, ranges_of
+from ground.diagnose.data import prepare
 from ground.diagnose.fit import fit_plant
-from ground.diagnose.pipeline import diagnose, prepare
+from ground.diagnose.pipeline import diagnose
 from ground.diagnose.scales import find_scales
 from ground.recordings.model import Recording
+from hal.config import config_path
 from sim_hal.plant.simulate import EffectUse, Parameter, Plant, Run, compile_plant, load_plant
 
-TEXT = """
-format: 1
-name: ball
-kind: equations
-states:
-  z: {unit: m, initial: height_m}
-  v: {unit: m/s, initial: fit}
-parameters:
-  mass: {value: 0.03, std: 0, unit: kg}
-  g: {value: 9.81, std: 0, unit: m/s^2}
-equations:
-  kinematics: {state: z, rate: "v"}
-  ballistic: {state: v, rate: "-g", balance: true, per_force: "1 / mass", velocity: v, position: z}
-outputs:
-  height_m: {value: "z"}
-"""
 DRAG_N_S_M = 0.018
 NOISE_M = 0.03
 
 
-def ball(folder: Path) -> Plant:
-    path = folder / "ball.yaml"
-    path.write_text(TEXT, encoding="utf-8")
-    return load_plant(path)
+def ball() -> Plant:
+    return load_plant(config_path("plant", "ball_drop.yaml")).with_values({"mass": 0.03})
 
 
 def falls(truth: Plant, seed: int, count: int = 2) -> list[Recording]:
@@ -60,22 +44,22 @@ def falls(truth: Plant, seed: int, count: int = 2) -> list[Recording]:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_the_air_is_found_in_falls_to_terminal_speed(tmp_path: Path, seed: int) -> None:
+def test_the_air_is_found_in_falls_to_terminal_speed(seed: int) -> None:
     """The drag comes up to the weight: the largest force there is, over the largest speed."""
-    given = ball(tmp_path)
+    given = ball()
     drag = EffectUse("aerodynamic_drag_linear", "ballistic", None, {"d": Parameter(DRAG_N_S_M, 0.0, "N*s/m")})
     found = diagnose(falls(given.with_effect(drag), seed), given).diagnosis.findings[0]
     assert found.physics_id == "aerodynamic_drag_linear"
     assert abs(found.parameters["d"].value - DRAG_N_S_M) < 4.0 * found.parameters["d"].std
 
 
-def test_a_fall_without_air_lacks_nothing(tmp_path: Path) -> None:
-    given = ball(tmp_path)
+def test_a_fall_without_air_lacks_nothing() -> None:
+    given = ball()
     assert diagnose(falls(given, seed=4), given).diagnosis.verdict == "consistent"
 
 
-def test_nothing_solid_rubs_on_what_falls_freely(tmp_path: Path) -> None:
-    given = ball(tmp_path)
+def test_nothing_solid_rubs_on_what_falls_freely() -> None:
+    given = ball()
     data = prepare(falls(given, seed=5), given)
     refit = fit_plant(given, data.windows, data.sigmas, {})
     offered = effect_candidates(given, find_scales(refit, data.windows))

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from hop_rig import effect, hops, nominal
 
+from ground.diagnose.data import prepare
 from ground.diagnose.fit import fit_plant
 from ground.diagnose.knots import knot_force
-from ground.diagnose.pipeline import APPROACH, diagnose, prepare
+from ground.diagnose.pipeline import APPROACH, diagnose
 from ground.diagnose.scales import find_scales
 
 DRAG = effect("latch_drag", "latch", F_d=(14.0, "N"), t_f=(0.012, "s"))

@@ -10,8 +10,9 @@ import pytest
 
 from ground.diagnose.accept import identified
 from ground.diagnose.candidates import EffectCandidate, effect_candidates, ranges_of
+from ground.diagnose.data import prepare
 from ground.diagnose.fit import fit_plant
-from ground.diagnose.pipeline import diagnose, prepare
+from ground.diagnose.pipeline import diagnose
 from ground.diagnose.result import Diagnosis
 from ground.diagnose.scales import find_scales
 from ground.recordings.model import Recording, SensorSpec

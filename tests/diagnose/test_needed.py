@@ -10,9 +10,9 @@ from diagnose_rig import plant, recordings
 
 from ground.diagnose.candidates import EffectCandidate, effect_candidates
 from ground.diagnose.chosen import Chosen
+from ground.diagnose.data import prepare
 from ground.diagnose.fit import fit_plant
 from ground.diagnose.needed import needed
-from ground.diagnose.pipeline import prepare
 from ground.diagnose.scales import find_scales
 from sim_hal.plant.simulate import Plant
 

@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 from diagnose_rig import NOISE_M, friction, plant, recordings, swinging
 
+from ground.diagnose.data import DiagnosisError, prepare
 from ground.diagnose.fit import fit_plant
-from ground.diagnose.pipeline import DiagnosisError, Outcome, diagnose, prepare, write_outcome
+from ground.diagnose.notes import absent_channels
+from ground.diagnose.pipeline import Outcome, diagnose, write_outcome
 from ground.diagnose.segments import cut_recording
+from ground.recordings.model import SensorSpec
 from sim_hal.plant.simulate import load_plant
 
 
@@ -109,3 +112,12 @@ def test_what_only_tolerances_tell_keeps_its_tolerance(tmp_path: Path) -> None:
     relative = {name: p.std / p.value for name, p in given.parameters.items()}
     pooled = sum(share**-2 for share in relative.values()) ** -0.5
     assert fit.std["mass"] / given.parameters["mass"].value == pytest.approx(pooled, rel=0.3)
+
+
+@pytest.mark.parametrize(("stated", "meant"), [("positon_m", " (is position_m meant?)"), ("tilt_rad", "")])
+def test_a_sensor_without_its_channel_is_mentioned(tmp_path: Path, stated: str, meant: str) -> None:
+    given = plant(tmp_path)
+    found = [replace(r, sensors={stated: SensorSpec(noise_std=NOISE_M)}) for r in recordings(given, seed=12)]
+    (note,) = absent_channels(prepare(found, given))
+    assert note == f"The sidecars' sensors tell of {stated}, but no recording has such a channel{meant}."
+    assert not list(absent_channels(prepare(recordings(given, seed=12), given)))

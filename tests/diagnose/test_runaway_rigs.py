@@ -8,7 +8,8 @@ import numpy as np
 from diagnose_rig import plant, recordings
 from hop_rig import hops, nominal
 
-from ground.diagnose.pipeline import diagnose, prepare
+from ground.diagnose.data import prepare
+from ground.diagnose.pipeline import diagnose
 from ground.diagnose.windows import runs_away
 from ground.recordings.model import Recording, SensorSpec
 from sim_hal.plant.simulate import Plant, compile_plant, load_plant

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from diagnose_rig import NOISE_M, TEXT, friction, plant, recordings
 
+from ground.diagnose.data import prepare
 from ground.diagnose.fit import fit_plant
-from ground.diagnose.pipeline import prepare
 from ground.diagnose.problem import PRECISE_TOLERANCE, FitProblem
 from ground.recordings.model import Recording
 from sim_hal.plant.simulate import Plant, Run, compile_plant, load_plant

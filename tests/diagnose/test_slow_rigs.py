@@ -6,42 +6,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnose_rig import plant as oscillator
 
+from ground.diagnose.data import prepare
 from ground.diagnose.fit import fit_plant
-from ground.diagnose.pipeline import diagnose, prepare
+from ground.diagnose.pipeline import diagnose
 from ground.diagnose.problem import FitProblem
 from ground.diagnose.scales import find_scales
 from ground.recordings.model import Recording, SensorSpec
 from sim_hal.plant.expressions import parse, summands, to_text
-from sim_hal.plant.simulate import EffectUse, Parameter, Plant, Run, compile_plant, load_plant
+from sim_hal.plant.simulate import EffectUse, Parameter, Plant, Run, compile_plant
 
 NOISE_M = 2e-5
-TEXT = """
-format: 1
-name: press
-kind: equations
-inputs: {push_n: N}
-states:
-  q: {unit: m, initial: position_m}
-  v: {unit: m/s, initial: fit}
-parameters:
-  mass: {value: 2.0, std: 0.1, unit: kg}
-  stiffness: {value: 5000.0, std: 250.0, unit: N/m}
-  damping: {value: 20.0, std: 5.0, unit: N*s/m}
-equations:
-  kinematics: {state: q, rate: "v"}
-  force_balance: {state: v, rate: "(push_n - stiffness * q - damping * v) / mass", balance: true,
-                  per_force: "1 / mass", velocity: v, position: q}
-outputs:
-  position_m: {value: "q"}
-"""
 FRICTION_N = 2.0
 
 
 def press(folder: Path) -> Plant:
-    path = folder / "press.yaml"
-    path.write_text(TEXT, encoding="utf-8")
-    return load_plant(path)
+    """The oscillator with a spring and a damper so strong that its mass hardly counts."""
+    stiff = {"stiffness": (5000.0, 250.0), "damping": (20.0, 5.0)}
+    return oscillator(folder).with_values(
+        {n: v for n, (v, _) in stiff.items()}, {n: s for n, (_, s) in stiff.items()}
+    )
 
 
 def pressed(truth: Plant, seed: int) -> list[Recording]:

@@ -10,9 +10,9 @@ from diagnose_rig import friction, plant, recordings
 
 from ground.diagnose.candidates import effect_candidates
 from ground.diagnose.chosen import Chosen, Named
+from ground.diagnose.data import prepare
 from ground.diagnose.findings import accounted, findings_of, shared_with_twins
 from ground.diagnose.fit import Fit, fit_plant
-from ground.diagnose.pipeline import prepare
 from ground.diagnose.scales import find_scales
 from ground.diagnose.tension import chance, departures, listed, strained
 from sim_hal.plant.simulate import Plant

@@ -12,10 +12,10 @@ import pytest
 
 from ground.diagnose.candidates import effect_candidates
 from ground.diagnose.chosen import Chosen, Named
+from ground.diagnose.data import prepare
 from ground.diagnose.findings import accounted, beyond, unexplained, verdict_of
 from ground.diagnose.fit import fit_plant
 from ground.diagnose.locate import LocateTask, locate_in
-from ground.diagnose.pipeline import prepare
 from ground.diagnose.scales import find_scales
 from ground.recordings.model import Recording, SensorSpec
 from sim_hal.plant.simulate import EffectUse, Parameter, Plant, Run, compile_plant, load_plant

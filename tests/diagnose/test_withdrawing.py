@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from diagnose_rig import friction, plant, recordings
 
+from ground.diagnose.data import prepare
 from ground.diagnose.fit import fit_plant
-from ground.diagnose.pipeline import prepare
 from ground.diagnose.scales import find_scales
 from ground.diagnose.withdraw import withdrawals
 from ground.diagnose.workers import Workers

@@ -231,6 +231,16 @@ def test_a_simulator_steps_as_the_whole_run_goes() -> None:
     assert simulator.time_s == DRIVE_TIMES[400]
 
 
+def test_a_simulator_that_tells_no_definitions_says_the_same_of_the_outputs() -> None:
+    told, silent = Simulator(shipped("bb0b_drive")), Simulator(shipped("bb0b_drive"), definitions=False)
+    assert silent.names == tuple(shipped("bb0b_drive").structure.outputs) != told.names
+    for time_s, voltage in ((0.4, 9.0), (0.7, -3.0)):
+        for simulator in (told, silent):
+            simulator.advance(time_s, {"motor_voltage_v": voltage})
+        everything = told.outputs()
+        assert silent.outputs() == {name: everything[name] for name in silent.names}
+
+
 def test_an_event_can_be_set_while_the_simulator_runs() -> None:
     simulator = Simulator(
         shipped("bb0b_hop"), conditions={"surface": "syar"}, known={"spring_compression_m": 0.03}

@@ -97,12 +97,9 @@ BANDWIDTH = Effect(
         Form(
             parameters=(
                 EffectParameter(
-                    "tau",
-                    "s",
-                    "2 * S",
-                    "0.1 * S",
-                    "0.2 * T",
+                    *("tau", "s", LAG, "0.1 * S", "0.2 * T"),
                     above=0.0,
+                    usual=LAG,
                     also=("8 * S", "0.003 * T"),
                 ),
                 WHOLE,
