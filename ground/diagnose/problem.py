@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.gauss_newton import Columns, minimise
-from ground.diagnose.segments import Segment, head_of_run
+from ground.diagnose.segments import Segment, head_of_run, spans
 from sim_hal.plant.plant import check_use
 from sim_hal.plant.simulate import CompiledPlant, Plant, SimulationError, compile_plant
 
@@ -128,9 +128,16 @@ class FitProblem:
             if not segment.open_scales:
                 continue
             start = self.compiled.initial_values(self._base, segment.run)
-            for state, scale in segment.open_scales.items():
+            scales = {**segment.open_scales, **self._settled_scales(segment)}
+            for state, scale in scales.items():
                 free.append(Free(state, start[state], scale, -np.inf, np.inf, prior=False, segment=number))
         return free
+
+    def _settled_scales(self, segment: Segment) -> dict[str, float]:
+        """Scales of states that others tell at a start, such as a filter's: that takes steady motion before it."""
+        spread = zip(self.compiled.output_names, spans(segment.observed).tolist(), strict=True)
+        scales = {**{channel: 1e-2 * span or 1.0 for channel, span in spread}, **segment.open_scales}
+        return {name: scales.get(of, 1.0) for name, of in self.compiled.settled_states.items()}
 
     def values(self, z: Float) -> Float:
         """The flat parameter vector of the compiled plant."""
@@ -221,7 +228,7 @@ class FitProblem:
         for i, free in enumerate(self.free):
             if free.segment is None and free.name in known:
                 z[i] = (known[free.name] - free.centre) / free.scale
-            elif free.segment is not None and initial:
+            elif free.segment is not None and initial and free.name in initial[free.segment]:
                 z[i] = (initial[free.segment][free.name] - free.centre) / free.scale
             low, high = free.bounds()
             z[i] = min(max(z[i], low + 1e-9), high - 1e-9)

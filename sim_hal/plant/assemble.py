@@ -58,7 +58,8 @@ def assemble(model: Model, outputs: Mapping[str, Node], source: str) -> Assemble
             for late in (model.delays, model.skews)
         )
         settled = {
-            name: builder.emit(node, Section.DYNAMIC, watch=False) for name, node in model.settled.items()
+            name: builder.emit(settled.start, Section.DYNAMIC, watch=False)
+            for name, settled in model.settled.items()
         }
     except ExpressionError as error:
         raise PlantError(f"{source}: {error}") from None

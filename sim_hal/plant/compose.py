@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from sim_hal.plant.effects.base import FILTERED, Form
 from sim_hal.plant.expressions import ExpressionError, Name, Node, Num, Op, add, multiply, parse, rename, walk
-from sim_hal.plant.filters import Filters, while_acting
+from sim_hal.plant.filters import Filters, Settled, while_acting
 from sim_hal.plant.inertia import Correction, heavier
 from sim_hal.plant.plant import EffectUse, Plant, check_use, effect_of
 from sim_hal.plant.structure import Balance, Definition, Memory, PlantError, State, Structure, unit_text
@@ -45,8 +45,8 @@ class Model:
     """Equations with all effects in them.
 
     strengths: parameters that are 0 where an effect's internal state or memory does not matter. kinks: the same for
-    kinked formulas that only effects bring. delays, skews: by channel. settled: states that start at what a formula
-    of the other states gives.
+    kinked formulas that only effects bring. delays, skews: by channel. settled: states that start where
+    other states put them.
     """
 
     structure: Structure
@@ -61,7 +61,7 @@ class Model:
     kinks: Mapping[Node, tuple[str, ...]]
     delays: Mapping[str, Node]
     skews: Mapping[str, Node]
-    settled: Mapping[str, Node]
+    settled: Mapping[str, Settled]
 
 
 @dataclass(frozen=True, order=True)
@@ -117,9 +117,11 @@ def compose(plant: Plant, missing_force: str | None = None) -> Model:
     inertias = [(structure.balances[name], add(*parts)) for name, parts in sorted(found.inertias.items())]
     corrected = heavier(inertias, definitions, structure)
     rates = _rates(structure, found, corrected)
-    filters = Filters()
+    filters = Filters(
+        {own: rate for own, rate in rates.items() if isinstance(rate, Name) and rate.id in structure.states}
+    )
     outputs = {
-        channel: _faulty(node, sorted(found.faults.get(channel, [])), filters)
+        channel: _faulty(channel, node, sorted(found.faults.get(channel, [])), filters)
         for channel, node in structure.outputs.items()
     }
     return Model(
@@ -340,13 +342,13 @@ def _elements(found: _Additions, corrected: Correction) -> tuple[Element, ...]:
     return tuple(merged.values())
 
 
-def _faulty(node: Node, faults: Sequence[Fault], filters: Filters) -> Node:
+def _faulty(channel: str, node: Node, faults: Sequence[Fault], filters: Filters) -> Node:
     """What a channel reads with its faults, applied one after the other."""
     for fault in faults:
         values = {"y": node}
         if fault.low_pass is not None:
             name = f"{fault.prefix}.{FILTERED}"
-            values[name] = filters.add(name, node, fault.low_pass, fault.strengths)
+            values[name] = filters.add(channel, name, node, fault.low_pass, fault.strengths)
 
         def symbol(name: str, values: Mapping[str, Node] = values) -> Node:
             return values.get(name, Name(name))

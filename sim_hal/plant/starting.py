@@ -49,9 +49,16 @@ class Starting:
         """States with `initial: fit`."""
         return fitted(self.model.states)
 
+    @property
+    def settled_states(self) -> dict[str, str]:
+        """States that start where others put them, such as a filter's, and the channel or state that they follow."""
+        return {name: settled.follows for name, settled in self.model.settled.items()}
+
     def initial_values(self, values: Floats, run: Run) -> dict[str, float]:
         """Initial states by name; those to be fitted get a guess from the first samples, or 0."""
-        state = self._start(self._registers(values[np.newaxis], run), run)
+        registers = self._registers(values[np.newaxis], run)
+        state = self._start(registers, run)
+        self._settle(registers, state, run.times_s[0], [{}])
         return dict(zip(self.state_names, state[0].tolist(), strict=True))
 
     def _start(self, registers: Floats, run: Run) -> Floats:
