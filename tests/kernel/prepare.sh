@@ -26,14 +26,14 @@ if [ ! -f ready ]; then
 
   kernel=$(basename root/lib/modules/*)
   apt-get download -q linux-source-6.1 "linux-headers-${kernel%-arm64}-common"
-  mkdir -p module tree
+  mkdir -p module tree/usr/lib
   dpkg-deb --fsys-tarfile linux-source-6.1_*.deb | tar xO ./usr/src/linux-source-6.1.tar.xz |
     tar xJ --wildcards --strip-components=3 -C module '*/drivers/i2c/i2c-stub.c'
   dpkg-deb -x "$(ls linux-headers-*-common_*.deb)" tree
   cp -a "root/usr/src/linux-headers-$kernel" tree/headers
   for part in scripts tools; do rm -f "tree/headers/$part" && ln -s "/usr/lib/linux-kbuild-6.1/$part" "tree/headers/$part"; done
   sed -i "s|/usr/src/|$folder/tree/usr/src/|g" tree/headers/Makefile
-  ln -sfn /usr/lib/linux-kbuild-6.1 tree/usr/lib/linux-kbuild-6.1 2>/dev/null || true
+  ln -sfn /usr/lib/linux-kbuild-6.1 tree/usr/lib/linux-kbuild-6.1  # where the headers' own links lead
   echo 'obj-m := i2c-stub.o' > module/Makefile
   make -C tree/headers M="$folder/module" ARCH=arm64 CROSS_COMPILE=aarch64-linux-gnu- modules
   cp root/boot/vmlinuz-"$kernel" vmlinuz
