@@ -68,7 +68,7 @@ test-kernel: $(DEV)
 # The flight tests on an arm64 Debian in user-mode emulation.
 test-arm64: $(DEV)
 	PYTHON=$(abspath $(BIN)/python) tests/kernel/prepare.sh out/arm64
-	tests/kernel/flight_on_arm64.sh out/arm64
+	PYTHON=$(abspath $(BIN)/python) tests/kernel/flight_on_arm64.sh out/arm64
 
 clean:
 	rm -rf $(VENV) out
