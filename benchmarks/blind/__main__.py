@@ -18,6 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from benchmarks.blind.cases import KINDS
 from benchmarks.blind.run import Row, Task, row_of, run_all
 from benchmarks.blind.table import figures, show, write_page
+from benchmarks.extra import require_pysindy
 
 
 def main() -> None:
@@ -37,6 +38,7 @@ def main() -> None:
     kinds = tuple(given.kinds.split(","))
     if set(kinds) - set(KINDS):
         parser.error(f"--kinds {given.kinds}: known are {', '.join(KINDS)}")
+    require_pysindy(parser)
     if given.only:
         kind, number = given.only.rsplit("-", 1)
         print(json.dumps(row_of((kind, int(number), given.seed)), indent=1, default=float))

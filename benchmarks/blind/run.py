@@ -122,8 +122,11 @@ def computed(tasks: Sequence[Task], processes: int) -> Iterator[Row]:
         return
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(processes, mp_context=context) as pool:
-        for future in as_completed([pool.submit(row_of, task) for task in tasks]):
-            yield future.result()
+        try:
+            for future in as_completed([pool.submit(row_of, task) for task in tasks]):
+                yield future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)  # an error is told now, not when all have run
 
 
 def task_of(row: Row) -> Task:

@@ -17,6 +17,7 @@ from pathlib import Path
 from benchmarks.case_studies.page import figures_of, write_page
 from benchmarks.case_studies.run import run_group
 from benchmarks.case_studies.study import Group, load_study, plant_of, read
+from benchmarks.extra import require_pysindy
 from ground.files import write_atomic
 
 PAGES = Path(__file__).resolve().parents[2] / "docs" / "case-studies"
@@ -33,6 +34,7 @@ def main() -> None:
     parser.add_argument("--page", type=Path, help="default: docs/case-studies/NAME.md")
     parser.add_argument("--json", type=Path, help="write the figures here")
     given = parser.parse_args()
+    require_pysindy(parser)
     study = load_study(given.name)
     out = given.out or Path("out/case-studies") / given.name
     recordings, unseen = read(study.recordings, given.data), read(study.unseen, given.data)
