@@ -26,6 +26,7 @@ from ground.mission_run import plan_mission, run_mission
 from ground.mission_summary import MissionRun
 from ground.progress import steps_of
 from ground.recordings import Recording, RecordingError, load_recordings, save_recording
+from ground.recordings.open_starts import with_open_starts
 from ground.report.page import BLUE, GREEN, ORANGE, RED, VIOLET
 from sim_hal.plant.simulate import Plant, compile_plant, load_plant, save_plant
 
@@ -72,6 +73,7 @@ def simulate(model: Plant, recording: Recording) -> Recording:
     """
     if recording.times_s.size < 2:
         raise RecordingError(f"{recording.source or recording.run}: one sample is no run; two are the least")
+    model = with_open_starts(model, [recording])
     compiled = compile_plant(model)
     sigmas = sigma_vector(channel_sigmas([recording], model, compiled.output_names), compiled.output_names)
     segment = segment_of(recording, model, compiled)

@@ -31,6 +31,7 @@ from ground.diagnose.workers import APPROACH, FINAL_TOLERANCE, Workers
 from ground.files import check_place, write_atomic
 from ground.progress import Show, nobody
 from ground.recordings.model import Recording
+from ground.recordings.open_starts import unstated_starts, with_open_starts
 from sim_hal.plant.simulate import Plant, compile_plant
 
 RESULTS = ("diagnosis.json", "plant.yaml", "report.html")
@@ -59,6 +60,8 @@ def diagnose(
     `show` is told how far it is, about. Raises `DiagnosisError`, `RecordingError` or `SimulationError`, all with
     words for a person.
     """
+    unstated = unstated_starts(plant, recordings)
+    plant = with_open_starts(plant, recordings)
     data = prepare(recordings, plant)
     if reference is not None:  # refused now, if it does not go with the recordings, and not after the search
         segment_of(data.held_out[0], reference, compile_plant(reference))
@@ -98,7 +101,11 @@ def diagnose(
     lost = (
         f"Left out again, as what was held out is predicted no better with it: {name}." for name in failed
     )
-    result = replace(result, notes=(*(w.words for w in needless), *lost, *result.notes))
+    opened: tuple[str, ...] = ()
+    if unstated:
+        names = ", ".join(f"state.{name}" for name in unstated)
+        opened = (f"Not all recordings tell how they start ({names}): that was fitted.",)
+    result = replace(result, notes=(*opened, *(w.words for w in needless), *lost, *result.notes))
     if reference is not None:
         compared = compare_with(reference, extended, data.held_out_whole, data.held_out_windows, data.sigmas)
         result = replace(result, details={**result.details, "reference": compared})
