@@ -63,6 +63,9 @@ class Candidate(Protocol):
     @property
     def parameters(self) -> int: ...
 
+    def place(self, plant: Plant) -> tuple[str | None, str]:
+        """The channel that lies (None: the plant is wrong), and the equation or balance that it enters."""
+
     def joined(self, plant: Plant, start: int = 0) -> Plant:
         """The plant with this in it, from one of its starts."""
 
@@ -119,6 +122,11 @@ class EffectCandidate:
     def channel(self) -> str | None:
         """The channel that lies, of a sensor fault."""
         return self.uses[0].channel
+
+    def place(self, plant: Plant) -> tuple[str | None, str]:
+        """The channel that lies, if one does, and the balance that it enters, whatever the taxonomy calls that."""
+        balance = None if self.kind == "sensor" else plant.balance(self.effect, self.equation)
+        return self.channel, self.equation if balance is None else balance.name
 
     @property
     def starts(self) -> int:

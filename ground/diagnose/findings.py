@@ -210,7 +210,7 @@ def verdict_of(named: Named, refit: Fit, segments: Sequence[Segment], finer: Flo
     `finer` (outputs,) is how many times finer each sensor is than a model of the rig is judged.
     """
     share = accounted(named.fit, refit, segments)
-    if any(share * told_where(chosen) >= UNDECIDED for chosen in named.chosen):
+    if any(share * told_where(chosen, named.fit.plant) >= UNDECIDED for chosen in named.chosen):
         return "mismatch"
     there = unexplained(named.fit, segments) or beyond(named.fit, segments, finer)
     return "undecidable" if named.chosen or there else "consistent"
@@ -239,14 +239,13 @@ def beyond(fit: Fit, segments: Sequence[Segment], finer: Float) -> bool:
     return False
 
 
-def told_where(chosen: Chosen) -> float:
-    """Probability that a law of this kind acts in this equation (a fault in this channel), whatever its name."""
-    own = chosen.candidate
-    return sum(
-        weight
-        for candidate, weight in shared_with_twins(chosen)
-        if (candidate.kind, candidate.channel, candidate.equation) == (own.kind, own.channel, own.equation)
-    )
+def told_where(chosen: Chosen, plant: Plant) -> float:
+    """Probability that the plant is wrong in this equation (a sensor in this channel), whatever the law's name.
+
+    That a law is missing or a parameter is far from what is stated says the same of the equation: look there.
+    """
+    place = chosen.candidate.place(plant)
+    return sum(weight for candidate, weight in shared_with_twins(chosen) if candidate.place(plant) == place)
 
 
 def unexplained(fit: Fit, segments: Sequence[Segment]) -> bool:

@@ -31,6 +31,10 @@ class ReleasedParameter:
     starts = 1
     parameters = 1
 
+    def place(self, plant: Plant) -> tuple[str | None, str]:
+        """The equation that it enters."""
+        return None, self.equation
+
     def joined(self, plant: Plant, start: int = 0) -> Plant:
         """The plant with the tolerance widened."""
         return plant.with_values({}, {self.key: RELEASE * self.tolerance})

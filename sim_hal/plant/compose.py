@@ -117,9 +117,7 @@ def compose(plant: Plant, missing_force: str | None = None) -> Model:
     inertias = [(structure.balances[name], add(*parts)) for name, parts in sorted(found.inertias.items())]
     corrected = heavier(inertias, definitions, structure)
     rates = _rates(structure, found, corrected)
-    filters = Filters(
-        {own: rate for own, rate in rates.items() if isinstance(rate, Name) and rate.id in structure.states}
-    )
+    filters = Filters(_speeds(plant, rates))
     outputs = {
         channel: _faulty(channel, node, sorted(found.faults.get(channel, [])), filters)
         for channel, node in structure.outputs.items()
@@ -321,6 +319,14 @@ def _rates(structure: Structure, found: _Additions, corrected: Correction) -> di
             for force in found.forces.get(name, []):
                 rates[state] = add(rates[state], multiply(per_force, force))
     return {**rates, **corrected(rates), **found.rates}
+
+
+def _speeds(plant: Plant, rates: Mapping[str, Node]) -> dict[str, Name]:
+    """States whose rate is a state, of a rig that may have been moving before; the built-in kinds begin at rest."""
+    if plant.kind != "equations":
+        return {}
+    states = plant.structure.states
+    return {own: rate for own, rate in rates.items() if isinstance(rate, Name) and rate.id in states}
 
 
 def _elements(found: _Additions, corrected: Correction) -> tuple[Element, ...]:

@@ -3,7 +3,7 @@
 A filter's state follows f' = (y − f)/τ. Where the channel reads the rate of a state s, as an accelerometer does, the
 filter needs no rate: the low-passed rate of s is (s − f)/τ with f the low-passed s itself, exactly.
 
-A filter starts as if all had moved on steadily before: where the channel was τ ago, by the speeds at the start.
+A filter starts as if all had moved on steadily before: where the channel was τ ago, by the speeds that are given.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Settled(NamedTuple):
 class Filters:
     """What filters add to a plant: states with their rates, strengths, and what each state starts at.
 
-    `speeds`: the plant's states whose rate is another state, and that state.
+    `speeds`: states that moved before the start, and their rates, which are states.
     """
 
     speeds: Mapping[str, Name]

@@ -26,7 +26,9 @@ from ground.diagnose.scales import find_scales
 from ground.diagnose.segments import sensor_sigma
 from ground.diagnose.workers import Workers
 from ground.recordings.model import Recording, SensorSpec
-from sim_hal.plant.simulate import EffectUse, Parameter, Plant, Run, compile_plant
+from sim_hal.plant.simulate import EffectUse, Parameter, Plant, Run, compile_plant, load_plant
+
+RIGS = Path(__file__).parents[2] / "benchmarks" / "rigs"
 
 
 def refitted(given: Plant, truth: Plant, seed: int) -> tuple[Data, Fit]:
@@ -179,12 +181,12 @@ def answer(given: Plant, truth: Plant) -> Diagnosis:
 
 @pytest.mark.parametrize(
     ("rival", "sure"),
-    [("quadratic_friction", True), ("sensor_bias", False), ("parameter_out_of_tolerance", False)],
+    [("quadratic_friction", True), ("sensor_bias", False), ("parameter_out_of_tolerance", True)],
 )
 def test_an_open_name_is_a_mismatch_still_and_an_open_kind_is_not(
     tmp_path: Path, rival: str, sure: bool
 ) -> None:
-    """Two laws of one equation say that it lacks something; a law and a fault of a sensor do not."""
+    """Two laws, or a law and a parameter, say where the plant is wrong; a law and a fault of a sensor do not."""
     given = plant(tmp_path)
     data, refit = refitted(given, given, seed=7)
     candidates: list[Candidate] = [*effect_candidates(given, find_scales(refit, data.windows))]
@@ -192,7 +194,17 @@ def test_an_open_name_is_a_mismatch_still_and_an_open_kind_is_not(
     found = {c.physics_id: c for c in candidates}
     weights = ((found["viscous_friction"], 0.45), (found[rival], 0.45))
     one = Chosen(found["viscous_friction"], 1.0, (), (), weights)
-    assert told_where(one) == pytest.approx(0.9 if sure else 0.45)
+    assert told_where(one, given) == pytest.approx(0.9 if sure else 0.45)
+
+
+def test_what_the_taxonomy_calls_otherwise_may_enter_the_same_balance() -> None:
+    """Drag belongs to the flight, friction to the drive; an axis has one balance for both."""
+    axis = load_plant(RIGS / "axis.yaml")
+    scales = {"force_balance": {"X": 0.1, "V": 1.0, "F": 1.0, "T": 1.0, "D": 1.0}}
+    found = {c.physics_id: c for c in effect_candidates(axis, scales)}
+    drag, friction = found["aerodynamic_drag_quadratic"], found["quadratic_friction"]
+    assert drag.equation != friction.equation
+    assert drag.place(axis) == friction.place(axis) == (None, "force_balance")
 
 
 @pytest.mark.filterwarnings("error")
