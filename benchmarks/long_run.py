@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.figures import write_figures
+from benchmarks.growth import growth_per_hour
 from flight import settings as flight_settings
 from flight.executive import fly
 from flight.log import McapLog, parts_of
@@ -41,7 +42,6 @@ from sim_hal.truth import HopTruth
 SURFACE, WRONG_SIGMAS = "quartz_sand", 5.0
 FAULTY_SHARE = 0.3
 """Of missions that have faults planted, drawn as the fault campaign draws them; the others fly on undisturbed."""
-GROWTH_PARTS = 8
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ def figures(seen: Seen, operation: Operation) -> dict[str, tuple[float, str]]:
     """Value and unit by name."""
     times, memory = np.array(seen.memory).T
     late = times > 0.25 * times[-1]
-    growth, sigma = growth_kb_per_hour(times[late], memory[late])
+    growth, sigma = growth_per_hour(times[late], memory[late])
     found: dict[str, tuple[float, str]] = {
         "hours": (float(times[-1]) / 3600.0, "h"),
         "hops": (seen.hops, "1"),
@@ -179,18 +179,6 @@ def figures(seen: Seen, operation: Operation) -> dict[str, tuple[float, str]]:
     for name in ("height", "time_of_flight"):
         found |= _bias(name, [(t / times[-1], error) for t, n, error in seen.errors if n == name])
     return found
-
-
-def growth_kb_per_hour(times_s: np.ndarray, memory_kb: np.ndarray) -> tuple[float, float]:
-    """Slope of the memory over time, and its standard error from the steps between parts of the time.
-
-    A step of the allocator anywhere would make a regression's own standard error far too small.
-    """
-    slope = float(np.polyfit(times_s, memory_kb, 1)[0] * 3600.0)
-    means = np.array([float(np.mean(part)) for part in np.array_split(memory_kb, GROWTH_PARTS)])
-    step_s = float(times_s[-1] - times_s[0]) / GROWTH_PARTS
-    steps = np.diff(means) / step_s * 3600.0
-    return slope, float(np.std(steps, ddof=1) / np.sqrt(steps.size))
 
 
 def _bias(name: str, errors: list[tuple[float, float]]) -> dict[str, tuple[float, str]]:

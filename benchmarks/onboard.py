@@ -15,7 +15,9 @@ sensor; at 1 kHz it would be two. `tick_no_log_us_median` is the same without th
 `growth_kb_per_hour`: slope of the resident memory while the robot hops on at 200 Hz for `--hours` of simulated time,
 the collector off and the log in files as in flight, written before each tick ends, the first quarter left out. The
 simulated robot is in the same process: what grows of it counts, too, but for what it leaves in cycles, which is
-collected after each hop. `flight_garbage` is how many objects of flight's own classes were among that.
+collected after each hop. `growth_blocks_per_hour` is the slope of the number of Python's memory blocks in use:
+whether objects pile up, or only the C library's heap is full of holes. `growth_*_sigma` are the standard errors.
+`flight_garbage` is how many objects of flight's own classes were left in cycles.
 
 `loop_late_*`: how late the ticks of the flight software begin in real time on this machine, with SCHED_FIFO where
 that is permitted: the first `--jitter-s` seconds of a mission, its readings from a record. `jitter_*`: the same of a
@@ -31,12 +33,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.figures import write_figures
+from benchmarks.growth import growth_per_hour
 from benchmarks.kill import Resting
 from benchmarks.real_time import (
     FLOATS,
@@ -144,6 +148,7 @@ class Growth:
 
     def __init__(self) -> None:
         self.points: list[tuple[float, float]] = []
+        self.blocks: list[tuple[float, float]] = []
         self.flight_garbage = 0
         self._hops = 0
 
@@ -152,6 +157,7 @@ class Growth:
         if progress.hop_index != self._hops:
             self._hops = progress.hop_index
             self._collect()
+            self.blocks.append((progress.time_s, float(sys.getallocatedblocks())))
         if not self.points or progress.time_s - self.points[-1][0] >= LOOK_S:
             self.points.append((progress.time_s, _resident_kb()))
 
@@ -164,12 +170,12 @@ class Growth:
         gc.garbage.clear()
         gc.collect()
 
-    @property
-    def kb_per_hour(self) -> float:
-        """Slope of the memory without its first quarter."""
-        times, memory = np.array(self.points).T
-        late = times > 0.25 * times[-1]
-        return float(np.polyfit(times[late], memory[late], 1)[0] * 3600.0)
+
+def late_growth(points: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Slope an hour without the first quarter, and its sigma."""
+    times, values = np.array(points).T
+    late = times > 0.25 * times[-1]
+    return growth_per_hour(times[late], values[late])
 
 
 def growth(hours: float) -> Growth:
@@ -216,7 +222,9 @@ def measure(hours: float, jitter_s: float) -> dict[str, tuple[float, str]]:
     figures["evaluation_ms"] = (float(logged[-1]) / 1e3, "ms")
     figures["tick_no_log_us_median"] = (float(np.median(ticks(logged=False))), "us")
     grown = growth(hours)
-    figures["growth_kb_per_hour"] = (grown.kb_per_hour, "kB/h")
+    for name, points, unit in (("kb", grown.points, "kB/h"), ("blocks", grown.blocks, "1/h")):
+        slope, sigma = late_growth(points)
+        figures[f"growth_{name}_per_hour"], figures[f"growth_{name}_sigma"] = (slope, unit), (sigma, unit)
     figures["flight_garbage"] = (float(grown.flight_garbage), "1")
     messages = recorded(jitter_s)
     with real_time() as scheduler:

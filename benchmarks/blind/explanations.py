@@ -71,11 +71,14 @@ class Shaped:
 
 
 def explanations(plant: Plant, runs: Sequence[Recording]) -> tuple[Explanation, ...]:
-    """All that may be hidden in runs of this plant, each in the place that the taxonomy gives it."""
+    """All that may be hidden in runs of this plant, each in the place that the taxonomy gives it, or the only one.
+
+    What falls freely touches nothing but the air: of what rubs, stops or pushes, nothing is hidden in a drop.
+    """
     found = []
+    alone = len(plant.structure.balances) == 1 and plant.kind != "drop"
     for effect in catalogue().values():
         for equation, channel in plant.places(effect):
-            alone = len(plant.structure.balances) == 1
             if effect.kind == "sensor" or equation == effect.equation or alone:
                 found.append(Explanation(effect.physics_id, effect.kind, equation, channel))
     surfaces = {str(run.conditions.get("surface", "")) for run in runs}

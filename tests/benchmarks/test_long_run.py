@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.long_run import Operation, Seen, figures, growth_kb_per_hour, operate
+from benchmarks.growth import growth_per_hour
+from benchmarks.long_run import Operation, Seen, figures, operate
 
 OPERATION = Operation(hours=0.007, hops_of_a_mission=1, log_bytes=400_000, sampled_every_s=0.5)
 
@@ -41,6 +42,6 @@ def test_growth_is_found_with_its_uncertainty(true_kb_per_h: float) -> None:
     inside = 0
     for seed in range(200):
         jumps = np.random.default_rng(seed).normal(0.0, 60.0, times_s.size)
-        slope, sigma = growth_kb_per_hour(times_s, true_kb_per_h * times_s / 3600.0 + np.cumsum(jumps))
+        slope, sigma = growth_per_hour(times_s, true_kb_per_h * times_s / 3600.0 + np.cumsum(jumps))
         inside += abs(slope - true_kb_per_h) < 2.0 * sigma
     assert 150 < inside <= 200
