@@ -29,7 +29,7 @@ SHIFTED_SAMPLES = 2.0
 LEFT_BEHIND = 30.0
 """A segment whose mean square residual is this many times the usual one's may have stuck at a false start."""
 PRECISE_STEP = 1e-2
-PRECISE_TOLERANCE = 1e-10
+PRECISE_TOLERANCE = 1e-9
 """For covariances: central differences. Parameters that only occur as ratios (all masses and stiffnesses scaled
 alike move nothing) are known by their tolerances alone, and an error of one part in a thousand in the sensitivities
 would pass for knowledge of them."""
