@@ -192,7 +192,9 @@ def _balance_scales(name: str, series: Mapping[str, np.ndarray]) -> dict[str, fl
         low, high = float(np.min(series[f"{name}.position"])), float(np.max(series[f"{name}.position"]))
         found |= {"X": high - low, "X_low": low, "X_high": high, "X_mid": 0.5 * (low + high)}
         found["P"] = 0.05 * (high - low)
-    return {key: value for key, value in found.items() if value != 0.0}
+    return {
+        key: value for key, value in found.items() if value != 0.0 or key == "X_low"
+    }  # travel may begin at 0
 
 
 def _typical(values: np.ndarray) -> float:

@@ -69,7 +69,9 @@ def fit_job(context: Context, task: FitTask) -> Fit:
         )
     if task.depth == "polish":
         return fit_plant(*problem, tolerance=POLISH_TOLERANCE, near=task.near)
-    near = None if task.plant.kind == "equations" else task.near  # a window stuck at a wrong start begins anew
+    near = (
+        None if task.plant.kind == "equations" else task.near
+    )  # a window stuck at a wrong start begins anew
     return fit_plant(*problem, tolerance=FINAL_TOLERANCE, precise=True, near=near)
 
 
