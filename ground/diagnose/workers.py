@@ -69,9 +69,8 @@ def fit_job(context: Context, task: FitTask) -> Fit:
         )
     if task.depth == "polish":
         return fit_plant(*problem, tolerance=POLISH_TOLERANCE, near=task.near)
-    near = (
-        None if task.plant.kind == "equations" else task.near
-    )  # a window stuck at a wrong start begins anew
+    # a window of a rig given as equations that stuck at a wrong start shall begin anew
+    near = None if task.plant.kind == "equations" else task.near
     return fit_plant(*problem, tolerance=FINAL_TOLERANCE, precise=True, near=near)
 
 
