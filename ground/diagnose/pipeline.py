@@ -64,6 +64,7 @@ def diagnose(
     plant = with_open_starts(plant, recordings)
     data = prepare(recordings, plant)
     if reference is not None:  # refused now, if it does not go with the recordings, and not after the search
+        reference = with_open_starts(reference, recordings)
         segment_of(data.held_out[0], reference, compile_plant(reference))
     outlook = Outlook(show)
     outlook.begin("refit", "refitting the plant's own parameters")

@@ -61,7 +61,9 @@ def test_what_the_air_does_is_found_without_a_stated_start(body: Plant, channels
 
 @pytest.mark.parametrize("channels", [("height_m",), ("body_acceleration_m_s2",)])
 def test_nothing_is_found_where_nothing_acts(body: Plant, channels: tuple[str, ...]) -> None:
-    assert diagnose(drops(body, 4, *channels), body).diagnosis.verdict == "consistent"
+    found = diagnose(drops(body, 4, *channels), body, reference=body).diagnosis
+    assert found.verdict == "consistent"
+    assert "reference" in found.details
 
 
 def test_a_prediction_finds_its_start_in_the_first_samples(body: Plant) -> None:
