@@ -70,6 +70,8 @@ WAITING = 1_000_000
 HOP_S = 22.0
 """About what a hop of 6 J takes, with homing and tensioning."""
 
+LEAST_HOURS = 0.1
+
 LOOK_S = 10.0
 """Time between two looks at the memory, which are kept in it."""
 
@@ -247,6 +249,10 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=1.0, help="simulated time for the growth of memory")
     parser.add_argument("--jitter-s", type=float, default=5.0, help="real time for the jitter")
     arguments = parser.parse_args()
+    if not arguments.hours >= LEAST_HOURS:
+        parser.error(
+            f"--hours {arguments.hours}: at least {LEAST_HOURS}, or there are too few hops for a slope"
+        )
     figures = measure(arguments.hours, arguments.jitter_s)
     for name, (value, unit) in figures.items():
         print(f"{name:24s} {value:10.4g} {unit}")
