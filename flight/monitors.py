@@ -6,9 +6,10 @@ computed is dead, which is a fault by itself: the watchdog is stroked only while
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from flight.quantities import QUANTITIES
+from flight.quantities import QUANTITIES, Quantity
 from flight.settings import FlightSettings
 from flight.states import SENSORS, Machine, Snapshot, changed
 from flight.tensioning import energy_used_j
@@ -33,12 +34,16 @@ def watch(machine: Machine, snap: Snapshot, settings: FlightSettings) -> tuple[M
     counts: dict[str, int] = {}
     dead: list[str] = []
     phase, beyond = machine.phase, machine.beyond_ticks
+    measured: Quantity | None = None
+    quantity: float | None = None
     for name, low, high, phases in settings.measured_monitors:
-        try:
-            quantity = QUANTITIES[name](machine, snap, settings)
-        except (ArithmeticError, LookupError, TypeError, ValueError):
-            dead.append(name)
-            continue
+        measure = QUANTITIES[name]
+        if measure is not measured:  # the timeouts, one after the other, have theirs in common
+            measured = measure
+            try:
+                quantity = measure(machine, snap, settings)
+            except (ArithmeticError, LookupError, TypeError, ValueError):
+                quantity = math.nan
         if quantity is None:  # nothing new is known
             if name in beyond and phase in phases:
                 counts[name] = beyond[name]

@@ -154,7 +154,7 @@ class _Streamed(_Sampled):
     def set_rate_hz(self, rate_hz: float) -> None:
         """Sample at this rate from now on. Raises `CommandRefused` for a rate the part does not have."""
         self._require_reading()
-        self._sensor.set_rate_hz(rate_hz, self._rig.now_s)
+        self._sensor.set_rate_hz(rate_hz)
 
 
 class SimSpringSensor(_Streamed):

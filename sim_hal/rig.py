@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sim_hal.faults import Fault, Faults
-from sim_hal.sensors import SampledSensor
+from sim_hal.sensors import SampledSensor, instants
 from sim_hal.settings import SimSettings
 from sim_hal.world import World
 
@@ -51,6 +51,7 @@ class Rig:
             for name, seed in zip(CHANNELS, seeds, strict=True)
         }
         self._sensing = [(name, CHANNELS[name], sensor) for name, sensor in self.sensors.items()]
+        self._sampled_s = -1.0  # the first samples are those of 0 s
         self._step(0.0)
 
     def advance(self, to_s: float) -> None:
@@ -73,9 +74,15 @@ class Rig:
             self._drop_power_of_silent_actuators()
         lock_fault = faults.of("lock", end_s) if broken else None
         self.world.lock_blocked = lock_fault is not None
-        wanted = {channel: sensor.due(end_s) for _, channel, sensor in self._sensing}
+        grids: dict[float, tuple[float, ...]] = {}  # sensors of one rate have their instants in common
+        wanted = {}
+        for _, channel, sensor in self._sensing:
+            rate_hz = sensor.mode.rate_hz
+            if rate_hz not in grids:
+                grids[rate_hz] = instants(rate_hz, self._sampled_s, end_s)
+            wanted[channel] = grids[rate_hz]
         truth = self.world.advance(end_s, wanted)
-        self.now_s = end_s
+        self.now_s = self._sampled_s = end_s
         for name, channel, sensor in self._sensing:
             fault = self._fault_of(name, end_s) if broken else None
             if sensor.record(wanted[channel], truth[channel], fault) and fault:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Collection, Sequence
-from functools import lru_cache
 from itertools import chain
 from typing import NamedTuple
 
@@ -64,25 +63,35 @@ def _broken(value: float, noise: float, fault: Fault, latest: Sample | None) -> 
     return value
 
 
-@lru_cache(maxsize=8)  # sensors of one rate have their instants in common
-def _grid(rate_hz: float, first: int, now_s: float) -> tuple[float, ...]:
-    """The sample instants from number `first` on that are reached by `now_s` [s]."""
+def _reached(rate_hz: float, now_s: float) -> int:
+    """How many of a rate's sample instants, the first at 0 s, are reached by `now_s` [s]."""
+    if now_s < 0.0:
+        return 0
     latest_s = now_s + GRID_TOLERANCE_S
-    end = math.floor(latest_s * rate_hz) + 1
-    if end / rate_hz <= latest_s:  # the product was rounded down
-        end += 1
-    elif (end - 1) / rate_hz > latest_s:  # or up
-        end -= 1
+    count = math.floor(latest_s * rate_hz) + 1
+    if count / rate_hz <= latest_s:  # the product was rounded down
+        return count + 1
+    if (count - 1) / rate_hz > latest_s:  # or up
+        return count - 1
+    return count
+
+
+def instants(rate_hz: float, after_s: float, until_s: float) -> tuple[float, ...]:
+    """The whole multiples of a rate's period after `after_s` and until `until_s` [s], increasing.
+
+    They count from power-up, whenever a sensor's rate was set: sensors of one rate sample together.
+    """
+    first, end = _reached(rate_hz, after_s), _reached(rate_hz, until_s)
     if end <= first:
         return ()
-    if (
-        end == first + 1 and first / rate_hz > now_s - GRID_TOLERANCE_S
-    ):  # mostly, of those at the rate of the ticks
-        return (now_s,)
-    instants = [count / rate_hz for count in range(first, end)]
-    if instants[-1] > now_s - GRID_TOLERANCE_S:
-        instants[-1] = now_s  # the same but for rounding: what is due now is looked at once
-    return tuple(instants)
+    # the last is the same as `until_s` but for rounding: what is due then is looked at once
+    at_end = (end - 1) / rate_hz > until_s - GRID_TOLERANCE_S
+    if end == first + 1 and at_end:  # mostly, of those at the rate of the ticks
+        return (until_s,)
+    multiples = [count / rate_hz for count in range(first, end)]
+    if at_end:
+        multiples[-1] = until_s
+    return tuple(multiples)
 
 
 class SampledSensor:
@@ -98,8 +107,8 @@ class SampledSensor:
         self._waiting = 0  # samples in it
         self._newest: Piece | None = None
         self._overrun = False
-        self._mode = settings.modes[0]
-        self._count = 0
+        self.mode = settings.modes[0]
+        """The rate in force, with its noise and range."""
         self._noise: list[float] = []
         self._used = 0
         self._still: Still | None = None
@@ -109,31 +118,15 @@ class SampledSensor:
         """The rates that the sensor has."""
         return self._modes
 
-    @property
-    def mode(self) -> Mode:
-        """The rate in force, with its noise and range."""
-        return self._mode
-
-    def set_rate_hz(self, rate_hz: float, now_s: float) -> None:
-        """Sample at another rate after `now_s`; raises `CommandRefused` for one that the part does not have.
-
-        Instants are whole multiples of the period since power-up, whenever the rate was set: sensors of one
-        rate sample together.
-        """
+    def set_rate_hz(self, rate_hz: float) -> None:
+        """Sample at another rate from now on; raises `CommandRefused` for one that the part does not have."""
         for mode in self._modes:
             if mode.rate_hz == rate_hz:
-                self._mode = mode
-                self._count = math.floor((now_s + GRID_TOLERANCE_S) * rate_hz) + 1
+                self.mode = mode
                 self._still = None
                 return
         known = ", ".join(f"{mode.rate_hz:g}" for mode in self._modes)
         raise CommandRefused(f"{self.name}: rate {rate_hz!r} Hz is not one of the part's rates: {known}")
-
-    def due(self, now_s: float) -> tuple[float, ...]:
-        """Take the sample instants reached by `now_s` [s]; each is handed out once, oldest first."""
-        instants = _grid(self._mode.rate_hz, self._count, now_s)
-        self._count += len(instants)
-        return instants
 
     def record(
         self, instants: Sequence[float], truth: Sequence[float] | float, fault: Fault | None = None
@@ -182,7 +175,7 @@ class SampledSensor:
 
     def _of_still(self, truth: float) -> Still:
         """What the noise makes of a truth that holds: done at once for all noise that was drawn ahead."""
-        mode = self._mode
+        mode = self.mode
         values = truth + mode.noise_std * np.array(self._noise)
         if self.step > 0.0:
             values = np.rint(values / self.step) * self.step + 0.0  # no -0.0, as by `round`
@@ -196,7 +189,7 @@ class SampledSensor:
 
     def _one(self, instants: Sequence[float], true: float, noise: float) -> Piece:
         """As `_measured`, of one sample."""
-        mode, step = self._mode, self.step
+        mode, step = self.mode, self.step
         value = true + mode.noise_std * noise
         if step > 0.0:
             value = round(value / step) * step
@@ -208,7 +201,7 @@ class SampledSensor:
         self, truth: Sequence[float], start: int, fault: Fault | None = None
     ) -> tuple[Sequence[float], Sequence[bool]]:
         """What the noise from `start` on makes of true values; and whether each is at the range's end."""
-        step, sigma, low, high = self.step, self._mode.noise_std, self._mode.low, self._mode.high
+        step, sigma, low, high = self.step, self.mode.noise_std, self.mode.low, self.mode.high
         # plain numbers: most batches are of a few samples, for which arrays take longer
         noises = self._noise[start : start + len(truth)]
         if fault is None and step > 0.0:

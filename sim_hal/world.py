@@ -163,10 +163,10 @@ class World:
         Instants lie between the last advance and `to_s`, oldest first.
         """
         hop = self._hop
-        of_drive = {to_s, *wanted[NUT], *wanted[CURRENT]}
         if hop is None:
-            truth = self._stand(of_drive, wanted)
+            truth = self._stand(to_s, wanted)
         else:
+            of_drive = {to_s, *wanted[NUT], *wanted[CURRENT]}
             truth = (self._fly if hop.opened else self._release)(hop, of_drive, wanted)
             if hop.at_rest:
                 self._end_hop(hop)
@@ -174,20 +174,17 @@ class World:
             self._close_latch_at_home()
         return truth
 
-    def _stand(self, of_drive: set[float], wanted: Mapping[str, Sequence[float]]) -> Truth:
+    def _stand(self, to_s: float, wanted: Mapping[str, Sequence[float]]) -> Truth:
         """Without a hop nothing moves but the drive; one that holds no spring is read on demand."""
-        instants = of_drive.union(wanted[SPRING])
-        if len(instants) == 1:  # nearly always: all that samples the drive does so at the end of a tick
-            [self.now_s] = instants
-            self._drive_until(self.now_s)
+        now = (to_s,)
+        if wanted[NUT] == now == wanted[CURRENT] and wanted[SPRING] == now:  # nearly always: at the end of a tick
+            self._drive_until(to_s)
+            self.now_s = to_s
             position_m, current_a, compression_m = self._of_drive()
-            truth: Truth = {
-                NUT: (position_m,) * len(wanted[NUT]),
-                CURRENT: (current_a,) * len(wanted[CURRENT]),
-                SPRING: (compression_m,) * len(wanted[SPRING]),
-            }
+            truth: Truth = {NUT: (position_m,), CURRENT: (current_a,), SPRING: (compression_m,)}
         else:
-            truth = self._stand_and_look(of_drive, wanted, sorted(instants))
+            of_drive = {to_s, *wanted[NUT], *wanted[CURRENT]}
+            truth = self._stand_and_look(of_drive, wanted, sorted(of_drive.union(wanted[SPRING])))
         truth[ACCELERATION] = self._standing_m_s2
         truth[MAGNET] = self._coil.currents_a(wanted[MAGNET])
         return truth

@@ -118,7 +118,7 @@ class Signal:
         rates = sorted(mode.rate_hz for mode in self._sensor.modes)
         best = max((rate for rate in rates if rate <= rate_hz * (1.0 + 1e-6)), default=rates[0])
         if best != self._sensor.mode.rate_hz:
-            self._sensor.set_rate_hz(best, self.now_s)
+            self._sensor.set_rate_hz(best)
 
     def receive(self) -> None:
         """Take over what the sensor sampled."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 
 from hal.errors import CommandRefused, ReadFailed
 from sim_hal.faults import Fault
-from sim_hal.sensors import SampledSensor
+from sim_hal.sensors import SampledSensor, instants
 from sim_hal.settings import Mode, SensorSettings
 
 
@@ -21,12 +23,16 @@ def sensor(
 
 
 def run(
-    probe: SampledSensor, ends_s: list[float], truth: float = 0.0, fault: Fault | None = None
+    probe: SampledSensor,
+    ends_s: list[float],
+    truth: float = 0.0,
+    fault: Fault | None = None,
+    after_s: float = -1.0,
 ) -> list[float]:
     """Let time pass in the given pieces with a constant truth; return all values delivered."""
-    for end_s in ends_s:
-        instants = probe.due(end_s)
-        probe.record(instants, [truth] * len(instants), fault)
+    for start_s, end_s in itertools.pairwise([after_s, *ends_s]):
+        due = instants(probe.mode.rate_hz, start_s, end_s)
+        probe.record(due, [truth] * len(due), fault)
     return list(probe.drain().values)
 
 
@@ -62,39 +68,35 @@ def test_cutting_the_wait_into_pieces_changes_nothing(pieces_s: list[float]) -> 
 
 @pytest.mark.parametrize("rate_hz", [200.0, 208.0, 1666.0])
 def test_instants_lie_on_the_grid_and_none_is_lost(rate_hz: float) -> None:
-    probe = sensor(rate_hz=rate_hz)
-    tick_s, now_s, instants = 0.005, 0.0, []
+    tick_s, before_s, now_s, found = 0.005, -1.0, 0.0, list[float]()
     while now_s < 3.0:
-        now_s += tick_s  # as a careless caller would sum it
-        instants += probe.due(now_s)
-    assert np.allclose(instants, np.arange(len(instants)) / rate_hz, rtol=0, atol=2e-9)
-    assert len(instants) == int(now_s * rate_hz + 1e-6) + 1
+        found += instants(rate_hz, before_s, now_s)
+        before_s, now_s = now_s, now_s + tick_s  # as a careless caller would sum it
+    assert np.allclose(found, np.arange(len(found)) / rate_hz, rtol=0, atol=2e-9)
+    assert len(found) == int(before_s * rate_hz + 1e-6) + 1
 
 
 @given(st.floats(0.0, 100.0))
-def test_a_new_rate_samples_on_the_grid_since_power_up(now_s: float) -> None:
-    """Whenever the rate was set: sensors of one rate sample together, and none samples in the past."""
-    probe = sensor()
-    probe.due(now_s)
-    probe.set_rate_hz(1666.0, now_s)
-    instants = np.array(probe.due(now_s + 0.01))
-    counts = instants * 1666.0
+def test_instants_lie_on_the_grid_since_power_up_whenever_they_begin(now_s: float) -> None:
+    """Sensors of one rate sample together, and none samples in the past."""
+    found = np.array(instants(1666.0, now_s, now_s + 0.01))
+    counts = found * 1666.0
     assert counts == pytest.approx(np.round(counts), abs=1e-5)
-    assert now_s < instants[0] <= now_s + 1 / 1666 + 2e-9
-    assert len(instants) in (16, 17)
+    assert now_s < found[0] <= now_s + 1 / 1666 + 2e-9
+    assert len(found) in (16, 17)
 
 
 def test_unknown_rate_is_refused_and_changes_nothing() -> None:
     probe = sensor()
     with pytest.raises(CommandRefused, match=r"1000\.0 Hz .* 200, 1666"):
-        probe.set_rate_hz(1000.0, 0.0)
+        probe.set_rate_hz(1000.0)
     assert probe.mode.rate_hz == 200.0
 
 
 def test_a_full_fifo_loses_the_oldest_and_says_so() -> None:
     probe = sensor(depth=4)
-    instants = probe.due(0.03)
-    probe.record(instants, list(range(len(instants))))
+    due = instants(200.0, -1.0, 0.03)
+    probe.record(due, list(range(len(due))))
     batch = probe.drain()
     assert batch.values == (3.0, 4.0, 5.0, 6.0)
     assert batch.overrun
@@ -124,9 +126,9 @@ def test_a_truth_that_holds_reads_to_the_bit_as_one_told_for_each_sample(
 ) -> None:
     whole, each = sensor(std=0.01, step=step), sensor(std=0.01, step=step)
     for truth, count in pieces:
-        instants = [0.1 * index for index in range(count)]
-        whole.record(instants, truth)
-        each.record(instants, [truth] * count)
+        times_s = [0.1 * index for index in range(count)]
+        whole.record(times_s, truth)
+        each.record(times_s, [truth] * count)
     assert repr(whole.drain()) == repr(each.drain())  # tells -0.0 from 0.0
 
 
@@ -150,7 +152,7 @@ def test_a_passing_fault_leaves_later_noise_as_it_was() -> None:
     healthy, broken = sensor(std=1.0), sensor(std=1.0)
     expected = run(healthy, [0.1, 0.2])
     run(broken, [0.1], fault=Fault("spring", "fail", 0.0))
-    assert run(broken, [0.2]) == expected[21:]
+    assert run(broken, [0.2], after_s=0.1) == expected[21:]
 
 
 def test_a_polled_sensor_gives_its_newest_sample_and_lets_none_wait() -> None:
