@@ -15,7 +15,7 @@ from flight.machine_tick import Tick
 from flight.monitors import find_fault, watch
 from flight.phases import ACTIONS
 from flight.settings import DriveSettings, FlightSettings
-from flight.states import Machine, Outputs, Phase, Sameness, Snapshot, Step, changed, places_of, put
+from flight.states import Machine, Outputs, Phase, Sameness, Snapshot, Step, changed, with_observed
 from hal.readings import GroundCommand
 
 
@@ -57,15 +57,6 @@ def decide(
     return Step(after, outputs, tuple(tick.events), monitors_alive=not dead)
 
 
-_OBSERVED = places_of(
-    *("compression_m", "unloaded_ticks", "loaded"),
-    *("same_current", "same_force"),
-    *("position_m", "last_s", "speed_m_s", "moved_s", "stable_ticks", "elapsed_s"),
-    *("failed_reads", "winding_rise_k", "heard_s", "mean_current_a"),
-)
-"""What each tick's readings tell, in the order in which `_observe` says it."""
-
-
 def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Machine:
     """Update what is estimated from the readings: speed, compression, load, and the monitors' counters."""
     safety, first = settings.safety, machine.last_s is None
@@ -76,7 +67,7 @@ def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Mach
     steady = abs(speed_m_s) < safety.stable_speed_m_s
     drawn_a = max(snap.motor_current_a, 0.0)
     smoothing = settings.drive.current_smoothing
-    observed = (
+    values = (  # in the order of `OBSERVED`
         *_load(machine, snap, travel_m, settings),
         *_sameness(machine, snap, running=followed),
         snap.nut_position_m,
@@ -90,7 +81,7 @@ def _observe(machine: Machine, snap: Snapshot, settings: FlightSettings) -> Mach
         snap.time_s if snap.ground_heard else machine.heard_s,
         machine.mean_current_a + smoothing * (drawn_a - machine.mean_current_a),
     )
-    return put(machine, _OBSERVED, observed)
+    return with_observed(machine, values)
 
 
 _NOT_SAME = Sameness()

@@ -22,7 +22,7 @@ from sim_hal.settings import Mode, SensorSettings
 GRID_TOLERANCE_S = 1e-9
 """A sample instant this little after `now` counts as reached: sums of tick periods round either way."""
 
-_AHEAD = 256  # draws of noise made at once
+_AHEAD = 1024  # draws of noise made at once
 
 Piece = tuple[Sequence[float], Sequence[float], Sequence[bool]]
 """Times, values, and whether each is at the end of the range."""

@@ -177,7 +177,9 @@ class World:
     def _stand(self, to_s: float, wanted: Mapping[str, Sequence[float]]) -> Truth:
         """Without a hop nothing moves but the drive; one that holds no spring is read on demand."""
         now = (to_s,)
-        if wanted[NUT] == now == wanted[CURRENT] and wanted[SPRING] == now:  # nearly always: at the end of a tick
+        if (
+            wanted[NUT] == now == wanted[CURRENT] and wanted[SPRING] == now
+        ):  # nearly always: at the end of a tick
             self._drive_until(to_s)
             self.now_s = to_s
             position_m, current_a, compression_m = self._of_drive()
