@@ -7,6 +7,9 @@ from collections.abc import Sequence
 
 from sim_hal.plant.simulate import Plant
 
+_NOTHING_A = 1e-15
+"""A current this close to where it goes counts as there: many orders below what a sensor can tell."""
+
 
 class Coil:
     """The magnet's coil between two switchings: L di/dt = u − R i, solved exactly."""
@@ -30,10 +33,11 @@ class Coil:
         """Current at a time after the last switching."""
         if self._start_a == self._goal_a:
             return self._goal_a
-        left = math.exp(-(at_s - self.since_s) / self._time_constant_s)
-        if left == 0.0:  # settled to the last bit
+        left_a = (self._start_a - self._goal_a) * math.exp(-(at_s - self.since_s) / self._time_constant_s)
+        if abs(left_a) < _NOTHING_A:
             self._start_a = self._goal_a
-        return self._goal_a + (self._start_a - self._goal_a) * left
+            return self._goal_a
+        return self._goal_a + left_a
 
     def currents_a(self, instants: Sequence[float]) -> Sequence[float] | float:
         """Current at some times, or the one that holds all the time."""

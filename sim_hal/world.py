@@ -166,8 +166,7 @@ class World:
         if hop is None:
             truth = self._stand(to_s, wanted)
         else:
-            of_drive = {to_s, *wanted[NUT], *wanted[CURRENT]}
-            truth = (self._fly if hop.opened else self._release)(hop, of_drive, wanted)
+            truth = (self._fly if hop.opened else self._release)(hop, to_s, wanted)
             if hop.at_rest:
                 self._end_hop(hop)
         if not self.latch_closed:
@@ -185,53 +184,59 @@ class World:
             position_m, current_a, compression_m = self._of_drive()
             truth: Truth = {NUT: (position_m,), CURRENT: (current_a,), SPRING: (compression_m,)}
         else:
-            of_drive = {to_s, *wanted[NUT], *wanted[CURRENT]}
-            truth = self._stand_and_look(of_drive, wanted, sorted(of_drive.union(wanted[SPRING])))
+            truth = self._look_at_drive(to_s, wanted, OF_DRIVE)
         truth[ACCELERATION] = self._standing_m_s2
         truth[MAGNET] = self._coil.currents_a(wanted[MAGNET])
         return truth
 
-    def _stand_and_look(
-        self, of_drive: set[float], wanted: Mapping[str, Sequence[float]], instants: Sequence[float]
+    def _look_at_drive(
+        self, to_s: float, wanted: Mapping[str, Sequence[float]], channels: Sequence[str]
     ) -> Truth:
-        """What the drive shows at several increasing instants."""
-        seen = {}
-        for at_s in instants:
+        """What the drive shows in the first channels of `OF_DRIVE` at the instants wanted of them, until `to_s`."""
+        seen, of_drive = {}, {to_s, *wanted[NUT], *wanted[CURRENT]}
+        for at_s in sorted(of_drive.union(*(wanted[channel] for channel in channels))):
             if self.latch_closed or at_s in of_drive:
                 self._drive_until(at_s)
             seen[at_s] = self._of_drive()
             self.now_s = at_s
-        return {name: [seen[at_s][place] for at_s in wanted[name]] for place, name in enumerate(OF_DRIVE)}
+        return {name: [seen[at_s][place] for at_s in wanted[name]] for place, name in enumerate(channels)}
 
     def _of_drive(self) -> tuple[float, float, float]:
         """What the drive shows now, in the order of `OF_DRIVE`."""
         drive = self._drive
         return drive.position_m - self._power_up_m, drive.current_a, drive.spring_compression_m
 
-    def _fly(self, hop: Hop, of_drive: set[float], wanted: Mapping[str, Sequence[float]]) -> Truth:
+    def _fly(self, hop: Hop, to_s: float, wanted: Mapping[str, Sequence[float]]) -> Truth:
         """With the lock open hop and drive have nothing to do with each other."""
-        seen = {}
-        for at_s in sorted(of_drive) if len(of_drive) > 1 else of_drive:
-            self._drive_until(at_s)
-            seen[at_s] = self._drive.position_m - self._power_up_m, self._drive.current_a
-        magnet_rises = self.magnet_on and hop.start_s == self._coil.since_s
-        instants = sorted(of_drive.union(wanted[SPRING], wanted[ACCELERATION], wanted[MAGNET]))
-        rows = dict(zip(instants, hop.trace(instants), strict=True))
-        self.now_s = instants[-1]
-        truth: Truth = {
-            channel: [seen[at_s][place] for at_s in wanted[channel]]
-            for place, channel in enumerate((NUT, CURRENT))
-        }
-        for channel in (SPRING, ACCELERATION, MAGNET) if magnet_rises else (SPRING, ACCELERATION):
-            place = hop.places[channel]
-            truth[channel] = [rows[at_s][place] for at_s in wanted[channel]]
-        if not magnet_rises:
-            truth[MAGNET] = self._coil.currents_a(wanted[MAGNET])
+        truth = self._look_at_drive(to_s, wanted, (NUT, CURRENT))
+        if self.magnet_on and hop.start_s == self._coil.since_s:  # its current rises
+            return truth | self._traced(hop, to_s, (SPRING, ACCELERATION, MAGNET), wanted)
+        truth |= self._traced(hop, to_s, (SPRING, ACCELERATION), wanted)
+        truth[MAGNET] = self._coil.currents_a(wanted[MAGNET])
         return truth
 
-    def _release(self, hop: Hop, of_drive: set[float], wanted: Mapping[str, Sequence[float]]) -> Truth:
+    def _traced(
+        self, hop: Hop, to_s: float, channels: Sequence[str], wanted: Mapping[str, Sequence[float]]
+    ) -> Truth:
+        """Let the hop go on until `to_s` [s]; what it shows at the instants wanted of some channels."""
+        instants = wanted[channels[0]]
+        if any(wanted[channel] != instants for channel in channels):
+            instants = sorted(set().union(*(wanted[channel] for channel in channels)))
+        rows = hop.trace(instants if instants and instants[-1] >= to_s else (*instants, to_s))
+        truth: Truth = {}
+        for channel in channels:
+            place = hop.places[channel]
+            shown = [row[place] for row in rows]
+            if wanted[channel] == instants:  # mostly they sample together
+                truth[channel] = shown[: len(instants)]
+            else:
+                at = dict(zip(instants, shown, strict=False))
+                truth[channel] = [at[at_s] for at_s in wanted[channel]]
+        return truth
+
+    def _release(self, hop: Hop, to_s: float, wanted: Mapping[str, Sequence[float]]) -> Truth:
         """While the magnet is to open the lock: look by look, for the drive holds the string until then."""
-        seen = {}
+        seen, of_drive = {}, {to_s, *wanted[NUT], *wanted[CURRENT]}
         for at_s in sorted(of_drive.union(*wanted.values())):
             if at_s > self.now_s:
                 if self.latch_closed or at_s in of_drive:
