@@ -141,7 +141,10 @@ class HopRecorder:
 
 
 def _oldest(batches: Iterable[Batch], newest: float) -> float:
-    return next((kept.times_s[0] for kept in batches if kept.times_s), newest)
+    for kept in batches:
+        if kept.times_s:
+            return kept.times_s[0]
+    return newest
 
 
 def _overrun(batches: Iterable[SpecificForce | SpringCompression]) -> bool:
