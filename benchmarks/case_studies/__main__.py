@@ -2,7 +2,7 @@
 
     python -m benchmarks.case_studies emps --data FOLDER [--out DIR] [--page FILE.md] [--json FILE]
 
-The studies are `config/case_studies/*.yaml`. DIR keeps the diagnoses: a second run scores them without diagnosing
+The studies are `config/case_studies/*.yaml`, by their names. DIR keeps the diagnoses: a second run scores them without diagnosing
 again.
 """
 
@@ -19,7 +19,9 @@ from benchmarks.case_studies.run import run_group
 from benchmarks.case_studies.study import Group, load_study, plant_of, read
 from benchmarks.extra import require_pysindy
 from ground.files import write_atomic
+from hal.config import config_root
 
+STUDIES = config_root() / "case_studies"
 PAGES = Path(__file__).resolve().parents[2] / "docs" / "case-studies"
 
 
@@ -28,14 +30,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("name")
+    parser.add_argument("name", choices=sorted(path.stem.replace("_", "-") for path in STUDIES.glob("*.yaml")))
     parser.add_argument("--data", type=Path, required=True, help="folder of the data set")
     parser.add_argument("--out", type=Path, help="folder for the diagnoses (default: out/case-studies/NAME)")
     parser.add_argument("--page", type=Path, help="default: docs/case-studies/NAME.md")
     parser.add_argument("--json", type=Path, help="write the figures here")
     given = parser.parse_args()
     require_pysindy(parser)
-    study = load_study(given.name)
+    study = load_study(given.name.replace("-", "_"))
     out = given.out or Path("out/case-studies") / given.name
     recordings, unseen = read(study.recordings, given.data), read(study.unseen, given.data)
     groups: dict[str, Group | None] = dict(study.groups) or {"": None}
@@ -45,8 +47,8 @@ def main() -> None:
         folder = out / label.replace(" ", "_") if label else out
         tell = progress(label)
         results.append(run_group(study, label, mine, unseen, plant_of(study, group), folder, tell))
-    page = given.page or PAGES / f"{given.name.replace('_', '-')}.md"
-    write_page(page, page.stem, study, results)
+    page = given.page or PAGES / f"{given.name}.md"
+    write_page(page, given.name, study, results)
     print(page)
     figures = figures_of(results)
     if given.json:
