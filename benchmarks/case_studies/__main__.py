@@ -2,8 +2,8 @@
 
     python -m benchmarks.case_studies emps --data FOLDER [--out DIR] [--page FILE.md] [--json FILE]
 
-The studies are `config/case_studies/*.yaml`, by their names. DIR keeps the diagnoses: a second run scores them without diagnosing
-again.
+The studies are `config/case_studies/*.yaml`, by their names. DIR keeps the diagnoses: a second run scores them
+without diagnosing again.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("name", choices=sorted(path.stem.replace("_", "-") for path in STUDIES.glob("*.yaml")))
+    parser.add_argument(
+        "name", choices=sorted(path.stem.replace("_", "-") for path in STUDIES.glob("*.yaml"))
+    )
     parser.add_argument("--data", type=Path, required=True, help="folder of the data set")
     parser.add_argument("--out", type=Path, help="folder for the diagnoses (default: out/case-studies/NAME)")
     parser.add_argument("--page", type=Path, help="default: docs/case-studies/NAME.md")

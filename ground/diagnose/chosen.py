@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ground.diagnose.candidates import Candidate
@@ -15,15 +16,15 @@ Twins = tuple[tuple[Candidate, float], ...]
 class Chosen:
     """An effect in the extended plant, its rivals with their weights, and what the plant is like without it.
 
-    `twins` act alike on these recordings: nothing but where they usually occur, and how large, speaks for one of
-    them; each comes with its odds beside the effect's own. `rival_fit` is the plant with its most probable rival in
-    its place, `absent` that with nothing there.
+    `twins`, by the key of the effect or a rival, act like it on these recordings: nothing but where they usually
+    occur, and how large, speaks for one of them; each comes with its odds beside its like's own. `rival_fit` is the
+    plant with its most probable rival in its place, `absent` that with nothing there.
     """
 
     candidate: Candidate
     probability_better: float
     rivals: tuple[Candidate, ...]
-    twins: Twins
+    twins: Mapping[str, Twins]
     weights: tuple[tuple[Candidate, float], ...] = ()
     chi2_without: float = 0.0
     rival_fit: tuple[Candidate, Fit] | None = None

@@ -119,18 +119,20 @@ def what_moves(candidate: Candidate, plant: Plant) -> str:
 
 
 def shared_with_twins(chosen: Chosen) -> list[tuple[Candidate, float]]:
-    """Probabilities of the effect, its rivals and its twins, largest first; twins share by their prior odds.
+    """Probabilities of the effect, its rivals and their twins, largest first; twins share by their prior odds.
 
     What acts alike from one start but was told apart when fitted from another is a rival and no twin.
     """
     rivals = {candidate.key for candidate, _ in chosen.weights}
-    alike = ((chosen.candidate, 1.0), *((c, odd) for c, odd in chosen.twins if c.key not in rivals))
-    whole = sum(odd for _, odd in alike)
-    shares = [(c, w * chosen.probability_better) for c, w in chosen.weights]
-    own = next(w for c, w in shares if c is chosen.candidate)
-    found = [(c, w) for c, w in shares if c is not chosen.candidate]
-    found += [(c, own * odd / whole) for c, odd in alike]
-    return sorted(found, key=lambda item: -item[1])
+    found: dict[str, tuple[Candidate, float]] = {}
+    for candidate, weight in chosen.weights:
+        twins = ((c, odd) for c, odd in chosen.twins.get(candidate.key, ()) if c.key not in rivals)
+        alike = ((candidate, 1.0), *twins)
+        whole = sum(odd for _, odd in alike)
+        for one, odd in alike:
+            _, before = found.get(one.key, (one, 0.0))
+            found[one.key] = one, before + weight * chosen.probability_better * odd / whole
+    return sorted(found.values(), key=lambda item: -item[1])
 
 
 def phase_of(candidate: Candidate, fit: Fit) -> str:

@@ -106,14 +106,13 @@ class Search(Trials):
         if not identified(candidate, fit, self.workers.context.segments, current.chi2):
             return None
         rivals = tuple(c for c, _ in fits[1 : RIVALS + 1])
-        twins = self._twins.get(candidate.key, ())
         return fit, [
             *chosen,
             Chosen(
                 candidate,
                 next(better for c, better in tried if c is candidate),
                 rivals,
-                twins,
+                dict(self._twins),
                 (),
                 current.chi2,
             ),
@@ -171,7 +170,7 @@ class Search(Trials):
     def given_way(self, one: Chosen, rival: Candidate) -> Chosen:
         """An effect's place taken by one of its rivals."""
         others = tuple(c for c in (one.candidate, *one.rivals) if c.key != rival.key)
-        return replace(one, candidate=rival, rivals=others, twins=self._twins.get(rival.key, ()))
+        return replace(one, candidate=rival, rivals=others)
 
     def best_of(
         self, current: Fit, fits: Fitted
@@ -198,7 +197,7 @@ class Search(Trials):
         winner = able[int(np.argmax(weights))][0]
         rivals = tuple(candidate for candidate, _ in fits if candidate is not winner)[:RIVALS]
         better = next(p for candidate, p in tried if candidate is winner)
-        return Chosen(winner, better, rivals, self._twins.get(winner.key, ()), (), current.chi2), tuple(tried)
+        return Chosen(winner, better, rivals, dict(self._twins), (), current.chi2), tuple(tried)
 
     def unusual(self, candidate: Candidate, fit: Fit) -> float:
         """How unlikely a candidate is but for the residuals, in free parameters.

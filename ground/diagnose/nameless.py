@@ -35,7 +35,7 @@ def with_formula(named: Named, force: LocatedForce, workers: Workers) -> Named:
         return named
     (final,) = workers.map(fit_job, [FitTask(fit.plant, fit, fit.values, "final")])
     weights = ((candidate, law.explained),)
-    chosen = Chosen(candidate, better, (), (), weights, named.fit.chi2, absent=named.fit)
+    chosen = Chosen(candidate, better, (), {}, weights, named.fit.chi2, absent=named.fit)
     return without_lost(replace(named, fit=final, chosen=(*named.chosen, chosen)), workers)
 
 

@@ -107,7 +107,13 @@ class Trials:
         return sorted(tried, key=lambda p: -p.gain)
 
     def without_twins(self, ranked: Sequence[Promise]) -> list[Promise]:
-        """Of candidates that act alike the likeliest one; the others are remembered as its twins."""
+        """Of candidates that act alike the likeliest one; the others are remembered as its twins.
+
+        Beside what was found since, what acted alike in an earlier round may not any more.
+        """
+        here = {promise.candidate.key for promise in ranked}
+        for key in here & self._twins.keys():
+            self._twins[key] = tuple(twin for twin in self._twins[key] if twin[0].key not in here)
         kept: list[Promise] = []
         for promise in sorted(ranked, key=self.odds, reverse=True):
             like = next((p for p in kept if abs(p.direction @ promise.direction) > SAME), None)

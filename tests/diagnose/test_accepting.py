@@ -69,7 +69,7 @@ def test_what_was_held_out_confirms_an_effect_that_is_there_and_no_other(
         fit = fit_plant(given.with_effect(friction(0.3)), data.windows, data.sigmas, {})
     with Workers(data.windows, data.sigmas, find_scales(refit, data.windows), 1) as workers:
         search = Search(workers, Outlook(), given, workers.context.scales)
-        one = Chosen(candidate, 1.0, (), (), (), refit.chi2, absent=refit)
+        one = Chosen(candidate, 1.0, (), {}, (), refit.chi2, absent=refit)
         named = Named(fit, (one,), (), ())
         unseen = HeldOutViews(data.held_out_windows, data.held_out_whole)
         kept, failed = confirmed(named, search, unseen)
@@ -93,7 +93,7 @@ def test_an_effect_without_which_nothing_can_be_predicted_is_kept(tmp_path: Path
     absent = replace(refit, plant=refit.plant.with_effect(pushes))
     with Workers(data.windows, data.sigmas, find_scales(refit, data.windows), 1) as workers:
         search = Search(workers, Outlook(), given, workers.context.scales)
-        named = Named(fit, (Chosen(candidate, 1.0, (), (), (), refit.chi2, absent=absent),), (), ())
+        named = Named(fit, (Chosen(candidate, 1.0, (), {}, (), refit.chi2, absent=absent),), (), ())
         assert holds(named, search, HeldOutViews(data.held_out_windows, data.held_out_whole))
 
 
@@ -109,7 +109,7 @@ def test_what_no_window_feels_must_not_carry_a_whole_recording_away(tmp_path: Pa
     refit = fit_plant(given, data.windows, data.sigmas, {})
     candidate, _ = with_effect("asymmetric_friction", data, refit)
     fit = replace(refit, plant=refit.plant.with_effect(small))
-    one = Chosen(candidate, 1.0, (), (), (), refit.chi2, absent=refit)
+    one = Chosen(candidate, 1.0, (), {}, (), refit.chi2, absent=refit)
     views = HeldOutViews(data.held_out_windows, data.held_out_whole).views
     with Workers(data.windows, data.sigmas, find_scales(refit, data.windows), 1) as workers:
         search = Search(workers, Outlook(), given, workers.context.scales)
@@ -129,7 +129,7 @@ def test_of_rivals_that_fit_alike_the_simple_one_takes_the_place(tmp_path: Path,
     rivals = tuple(next(c for c in offered if c.physics_id == name) for name in names)
     with Workers(data.windows, data.sigmas, find_scales(refit, data.windows), processes) as workers:
         search = Search(workers, Outlook(), given, workers.context.scales)
-        one = Chosen(wrong, 1.0, rivals, (), (), refit.chi2, absent=refit)
+        one = Chosen(wrong, 1.0, rivals, {}, (), refit.chi2, absent=refit)
         _, (first, _) = search.replace_earlier(fit, [one, replace(one, candidate=rivals[0])])
         outdone = search.contest(fit, one).outdone_by(frozenset())
     assert first.candidate.key == rivals[2].key
@@ -193,7 +193,7 @@ def test_an_open_name_is_a_mismatch_still_and_an_open_kind_is_not(
     candidates += released_parameters(given, given)
     found = {c.physics_id: c for c in candidates}
     weights = ((found["viscous_friction"], 0.45), (found[rival], 0.45))
-    one = Chosen(found["viscous_friction"], 1.0, (), (), weights)
+    one = Chosen(found["viscous_friction"], 1.0, (), {}, weights)
     assert told_where(one, given) == pytest.approx(0.9 if sure else 0.45)
 
 

@@ -30,7 +30,7 @@ def rivals(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plant, EffectCandi
 def said(rivals: tuple[Plant, EffectCandidate, EffectCandidate], own: float, other: float) -> tuple[str, ...]:
     given, one, rival = rivals
     weights = ((one, own), (rival, other))
-    return needed((Chosen(one, 1.0, (rival,), (), weights),), given)
+    return needed((Chosen(one, 1.0, (rival,), {}, weights),), given)
 
 
 @pytest.mark.parametrize("more", [2.5, 4.0, 10.0])
@@ -57,4 +57,4 @@ def test_what_is_told_is_not_mentioned(rivals: tuple[Plant, EffectCandidate, Eff
 
 def test_a_law_without_rivals_needs_nothing(rivals: tuple[Plant, EffectCandidate, EffectCandidate]) -> None:
     given, one, _ = rivals
-    assert needed((Chosen(one, 1.0, (), (), ((one, 1.0),)),), given) == ()
+    assert needed((Chosen(one, 1.0, (), {}, ((one, 1.0),)),), given) == ()

@@ -49,9 +49,11 @@ def test_what_is_found_is_said_to_be_that_probable(tmp_path: Path, stiffness: fl
     data = prepare(recordings(truth, seed=6, count=4), given)
     refit = fit_plant(given, data.windows, data.sigmas, {})
     offered = effect_candidates(given, find_scales(refit, data.windows))
-    candidate = next(c for c in offered if c.physics_id == "coulomb_friction")
+    candidate, rival = (
+        next(c for c in offered if c.physics_id == name) for name in ("coulomb_friction", "viscous_friction")
+    )
     fit = fitted(given.with_effect(friction(0.8)), truth.with_effect(friction(0.8)), seed=6)
-    one = Chosen(candidate, 1.0, (), (), ((candidate, 0.9), (candidate, 0.1)), refit.chi2)
+    one = Chosen(candidate, 1.0, (), {}, ((candidate, 0.9), (rival, 0.1)), refit.chi2)
     (found,) = findings_of(Named(fit, (one,), (), ()), refit, data.windows, ())
     known = listed(fit) * accounted(fit, refit, data.windows)
     assert found.probability == pytest.approx(0.9 * known)
@@ -64,8 +66,10 @@ def test_a_twin_that_its_own_fit_told_apart_takes_no_share(tmp_path: Path) -> No
     offered = effect_candidates(
         given, find_scales(fit_plant(given, data.windows, data.sigmas, {}), data.windows)
     )
-    one, told, alike = offered[:3]
-    weights = ((one, 0.99), (told, 0.01))
-    chosen = Chosen(one, 1.0, (told,), ((told, 1.0), (alike, 1.0)), weights)
-    shares = [(candidate.key, share) for candidate, share in shared_with_twins(chosen)]
-    assert sorted(shares) == sorted([(one.key, 0.495), (alike.key, 0.495), (told.key, 0.01)])
+    one, told, alike, like_told = offered[:4]
+    weights = ((one, 0.98), (told, 0.02))
+    twins = {one.key: ((told, 1.0), (alike, 1.0)), told.key: ((like_told, 3.0),)}
+    chosen = Chosen(one, 1.0, (told,), twins, weights)
+    shares = {candidate.key: share for candidate, share in shared_with_twins(chosen)}
+    wanted = {one.key: 0.49, alike.key: 0.49, told.key: 0.005, like_told.key: 0.015}
+    assert shares == pytest.approx(wanted)  # a rival shares with what acts like it

@@ -84,7 +84,7 @@ def test_a_drift_is_less_sure_where_it_takes_but_a_part_of_what_radiation_does(
     fit = fit_plant(given.with_effect(drift), data.windows, data.sigmas, ranges)
     scales = find_scales(refit, data.windows)
     candidate = next(c for c in effect_candidates(given, scales) if c.physics_id == "sensor_drift")
-    named = Named(fit, (Chosen(candidate, 1.0, (), (), ((candidate, 0.6),)),), (), ())
+    named = Named(fit, (Chosen(candidate, 1.0, (), {}, ((candidate, 0.6),)),), (), ())
     assert fit.chi2 < 0.5 * refit.chi2
     assert (accounted(fit, refit, data.windows) < 0.8) == radiates
     assert verdict_of(named, refit, data.windows, np.ones(1)) == ("undecidable" if radiates else "mismatch")
