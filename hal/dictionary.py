@@ -76,7 +76,7 @@ class ParameterEntry(Range):
 
     def refusal(self, value: float) -> str:
         """Why a value is refused, in words; empty when it is not."""
-        if self.type == "int" and value != math.floor(value):
+        if self.type == "int" and not (math.isfinite(value) and value == math.floor(value)):
             return f"{value!r} is no whole number"
         return Range.refusal(self, value)
 
