@@ -81,8 +81,9 @@ class MonitorSettings:
             return f"response = {self.response!r} is none of {responses}"
         if (self.then != "") != (self.response == Response.RETRY):
             return f"then = {self.then!r}: a retry, and nothing else, needs what follows when it fails"
-        if self.then and self.then not in set(Response) - {Response.RETRY}:
-            return f"then = {self.then!r} is none of {responses} (without retry)"
+        last = [response for response in Response if response is not Response.RETRY]
+        if self.then and self.then not in last:
+            return f"then = {self.then!r} is none of {', '.join(last)}"
         if self.above is not None and self.below is not None:
             return f"above = {self.above:g}, below = {self.below:g}: only one of them can be the limit"
         if self.measured != bool(self.watched_in):

@@ -1,15 +1,16 @@
 """A formula for a force that no name fits: few terms in speed, position, load and time, by sparse regression.
 
-Forward selection over a library of monomials on the smoothed force, each value weighed by its sigma; a term stays as
-long as it predicts stretches of the recording that it was not fitted to. Every coefficient carries the unit that
-makes its term a force.
+The best few of a library of monomials on the smoothed force, each value weighed by its sigma, by how they predict
+stretches of the recording that they were not fitted to. Every coefficient carries the unit that makes its term a
+force.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,22 +54,26 @@ class Law:
     coefficients: Float
     explained: float
 
+    def without(self, number: int) -> Law:
+        """The formula without one of its terms."""
+        kept = [place for place in range(len(self.terms)) if place != number]
+        return replace(self, terms=tuple(self.terms[k] for k in kept), coefficients=self.coefficients[kept])
+
 
 def sparse_law(force: LocatedForce) -> Law | None:
-    """The formula with the fewest terms that predicts the force; None when none predicts half of it."""
+    """The formula with the fewest terms that predicts the force; None when none predicts half of it.
+
+    All combinations are tried: two terms may describe together what neither does alone, one of them what the plant's
+    own parameters have taken too much of.
+    """
     columns = library(force)
     chosen: tuple[str, ...] = ()
     share = 0.0
-    while len(chosen) < MOST_TERMS:
-        tried = {
-            term: predicted_share(force, columns, (*chosen, term)) for term in columns if term not in chosen
-        }
-        if not tried:
-            break
-        best = max(tried, key=lambda term: tried[term])
-        if tried[best] < share + GAINS:
-            break
-        chosen, share = (*chosen, best), tried[best]
+    for count in range(1, MOST_TERMS + 1):
+        tried = {terms: predicted_share(force, columns, terms) for terms in combinations(columns, count)}
+        best = max(tried, key=lambda terms: tried[terms], default=())
+        if best and tried[best] >= share + GAINS:
+            chosen, share = best, tried[best]
     if share < ENOUGH:
         return None
     return Law(chosen, fitted(force, columns, chosen, np.ones(force.before.size, dtype=bool)), share)
@@ -110,11 +115,8 @@ def predicted_share(force: LocatedForce, columns: Mapping[str, Float], terms: tu
     return 1.0 - left / total if total > 0.0 and math.isfinite(left) else 0.0
 
 
-def formula_candidate(plant: Plant, force: LocatedForce) -> EffectCandidate | None:
-    """The formula found for a located force, as an explanation that competes like any other."""
-    law = sparse_law(force)
-    if law is None or any(use.physics_id == PHYSICS_ID for use in plant.effects):
-        return None
+def formula_candidate(plant: Plant, equation: str, law: Law) -> EffectCandidate:
+    """A formula in one of the plant's equations, as an explanation that competes like any other."""
     names = [f"a_{number}" for number in range(1, len(law.terms) + 1)]
     text = " + ".join(
         name if term == "1" else f"{name} * {term}" for name, term in zip(names, law.terms, strict=True)
@@ -123,8 +125,8 @@ def formula_candidate(plant: Plant, force: LocatedForce) -> EffectCandidate | No
         name: Parameter(float(value), math.inf, LIBRARY[term][0])
         for name, value, term in zip(names, law.coefficients, law.terms, strict=True)
     }
-    draft = EffectUse(PHYSICS_ID, force.equation, None, raw, text)
+    draft = EffectUse(PHYSICS_ID, equation, None, raw, text)
     units = place_units(plant, draft, check_use(plant, draft))
     parameters = {name: Parameter(p.value, p.std, units[name]) for name, p in raw.items()}
-    use = EffectUse(PHYSICS_ID, force.equation, None, parameters, text)
+    use = EffectUse(PHYSICS_ID, equation, None, parameters, text)
     return EffectCandidate(effect_of(plant, use), plant.prefix(use), (use,), tuple(names), two_sided=True)

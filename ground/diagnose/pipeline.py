@@ -10,14 +10,14 @@ import numpy as np
 
 from ground.diagnose.chosen import Named
 from ground.diagnose.compare import compare_with
-from ground.diagnose.confirm import HeldOutViews, holds, searched
+from ground.diagnose.confirm import HeldOutViews, searched
 from ground.diagnose.data import Data, prepare
 from ground.diagnose.evidence import Evidence, LocatedForce
 from ground.diagnose.findings import findings_of, next_run, unexplained, verdict_of
 from ground.diagnose.fit import Fit, fit_plant
 from ground.diagnose.locate import LocateTask, locate, still_missing
 from ground.diagnose.name import Search
-from ground.diagnose.nameless import with_formula
+from ground.diagnose.nameless import with_a_law
 from ground.diagnose.notes import notes_of
 from ground.diagnose.outlook import Outlook
 from ground.diagnose.periods import with_periods
@@ -85,8 +85,7 @@ def diagnose(
         if unexplained(named.fit, data.windows):
             outlook.say("looking for a formula")
             left = locate(named.fit, data.windows, data.whole[0], data.sigmas, scales, workers)
-            with_law = with_formula(named, left[0], workers) if left else named
-            named = with_law if holds(with_law, search, unseen) else named
+            named = with_a_law(named, refit, forces, left, search, unseen)
         if named.chosen and forces:
             typical = scales[forces[0].equation]["F"]
             task = LocateTask(

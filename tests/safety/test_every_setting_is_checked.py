@@ -90,3 +90,37 @@ def test_a_key_that_is_missing_or_ends_in_another_unit_is_refused_by_name(
 def test_a_value_with_its_unit_written_out_or_of_another_type_is_refused(tmp_path: Path, value: Any) -> None:
     message = refused(altered(tmp_path, ("drive", "power_limit_w"), value))
     assert "drive.power_limit_w" in message
+
+
+@pytest.mark.parametrize(
+    ("monitor", "row", "words"),
+    [
+        ("stall", {"response": "shrug"}, "response = 'shrug' is none of retry, safe_hold"),
+        ("stall", {"then": "de_tension"}, "then = 'de_tension': a retry, and nothing else"),
+        ("latch_did_not_close", {"then": ""}, "then = '': a retry, and nothing else"),
+        ("latch_did_not_close", {"then": "retry"}, "then = 'retry' is none of safe_hold"),
+        ("stall", {"below": 0.1}, "below = 0.1: only one of them can be the limit"),
+        ("stall", {"watched_in": []}, "a limit needs watched_in"),
+        ("stall", {"watched_in": ["monday"]}, "watched_in = 'monday' is no phase or group of phases"),
+        ("stall", {"response": "retry", "then": "de_tension"}, "'retry' is possible in latch_check only"),
+        ("stall", {"above": None, "watched_in": []}, "needs a limit"),
+        ("abort", {"above": 1.0, "watched_in": ["hold"]}, "cannot have a limit"),
+        ("stall", None, "key monitors.stall is missing"),
+        ("no_such_fault", {"response": "de_tension"}, "unknown key monitors.no_such_fault"),
+    ],
+)
+def test_a_row_of_the_fault_table_that_makes_no_sense_is_refused_in_words(
+    tmp_path: Path, monitor: str, row: dict[str, Any] | None, words: str
+) -> None:
+    content = copy.deepcopy(SHIPPED)
+    if row is None:
+        del content["monitors"][monitor]
+    else:
+        whole = content["monitors"].setdefault(monitor, {})
+        whole |= row
+        content["monitors"][monitor] = {key: value for key, value in whole.items() if value is not None}
+    path = tmp_path / "flight.yaml"
+    path.write_text(json.dumps(content), encoding="utf-8")
+    message = refused(path)
+    assert words in message
+    assert monitor in message
