@@ -7,7 +7,7 @@ import pytest
 from plant_helpers import hop_run, plant_of, shipped, simulate, states, use_of
 
 from sim_hal.plant.expressions import Name
-from sim_hal.plant.simulate import PlantError, Run, SimulationError, Simulator, compile_plant
+from sim_hal.plant.simulate import Plant, PlantError, Run, SimulationError, Simulator, compile_plant
 
 DENSE = np.arange(0.0, 0.3, 0.0002)
 
@@ -229,6 +229,33 @@ def test_a_simulator_steps_as_the_whole_run_goes() -> None:
             assert reading[channel] == pytest.approx(values[index], rel=1e-7, abs=1e-9)
         simulator.advance(DRIVE_TIMES[index + 1], {"motor_voltage_v": voltage[index]})
     assert simulator.time_s == DRIVE_TIMES[400]
+
+
+def late_drive(physics_id: str, **values: float) -> Plant:
+    plant = shipped("bb0b_drive")
+    return plant.with_effect(use_of(plant, physics_id, "sensor", values, "nut_position_m"))
+
+
+@pytest.mark.parametrize("traced", [False, True])
+def test_a_simulator_reads_a_late_channel_late(traced: bool) -> None:
+    late = late_drive("sensor_delay", delay=0.01)  # two of the steps: on what was remembered
+    whole = simulate(late, drive(9.0))
+    simulator = Simulator(late, definitions=False)
+    simulator.advance(0.0, {"motor_voltage_v": 9.0})
+    for index in range(1, 200):
+        if traced:
+            (row,) = simulator.trace([DRIVE_TIMES[index]])
+        else:
+            simulator.advance(DRIVE_TIMES[index])
+            row = simulator.values()
+        for channel, value in zip(simulator.names, row, strict=True):
+            assert value == pytest.approx(whole[channel][index], rel=1e-7, abs=1e-9)
+
+
+def test_a_simulator_cannot_read_what_is_to_come() -> None:
+    early = late_drive("clock_skew", skew=0.01)
+    with pytest.raises(SimulationError, match="nut_position_m is early"):
+        Simulator(early)
 
 
 def test_a_simulator_that_tells_no_definitions_says_the_same_of_the_outputs() -> None:
