@@ -74,5 +74,7 @@ def test_a_law_that_is_in_no_catalogue_is_told_by_a_formula_alone(tmp_path: Path
     size = finding.parameters["a_1"]
     assert abs(size.value - strength) < 3.0 * size.std < 0.02 * abs(strength)
     assert finding.probability > 0.8
+    assert f"follows {law}, with a_1 = -59." in finding.statement
+    assert finding.statement.endswith("N*s/m^3.")
     errors = found.details["windowed_rms"]["position_m"]
     assert errors["extended"] < 1.3 * NOISE_M < 0.1 * errors["refit"]

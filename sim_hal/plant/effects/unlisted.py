@@ -24,12 +24,14 @@ def unlisted(
         )
         for name, (value, unit) in coefficients.items()
     )
+    plain = law.replace("{", "").replace("}", "")
+    sizes = ", ".join(f"{name} = {{{name}}}" for name in coefficients)
     form = Form(parameters, force=None if port else law, terms={port: law} if port else {})
     return Effect(
         physics_id=PHYSICS_ID,
         equation=equation,
         forms=(form,),
         says="none of the names fits; a formula is given",
-        sentence=f"No known name fits; the force that is missing follows {law.replace('{', '').replace('}', '')}.",
+        sentence=f"No known name fits; the force that is missing follows {plain}, with {sizes}.",
         citation="found from recordings by sparse regression",
     )
