@@ -18,17 +18,13 @@ from ground.diagnose.fit import Fit
 from ground.diagnose.name import Search
 from ground.diagnose.scoring import probability_better
 from ground.diagnose.segments import Segment
-from ground.diagnose.verify import predict
+from ground.diagnose.unseen import HeldOutViews, errors_of
 from sim_hal.plant.simulate import SimulationError
 
 Float = NDArray[np.float64]
 
 BLOCKS = 12
 """Stretches of the held-out windows that the comparison is bootstrapped over, at least."""
-WINS = 0.5
-"""An effect stays if the held-out stretches are likelier than not to be predicted better with it."""
-SURELY_WORSE = 0.05
-"""It leaves if whole held-out recordings, run free, are less likely than this to be predicted better with it."""
 FELT = 0.1
 """An effect that moves what is predicted by less than this share of the error cannot be judged there; it stays."""
 
@@ -39,24 +35,6 @@ class HeldOutTrial:
 
     felt: bool
     probability: float
-
-
-@dataclass(frozen=True)
-class HeldOutViews:
-    """What no fit saw, as windows that are each anchored anew, and as whole recordings run free from their start.
-
-    Windows judge, for they bear with what no model of the rig knows; but what each window takes for a start that is
-    a little off (a drift, say) may carry the whole recording away: what surely makes that worse is not there.
-    """
-
-    windows: Sequence[Segment]
-    whole: Sequence[Segment]
-
-    @property
-    def views(self) -> tuple[tuple[Sequence[Segment], float], ...]:
-        """The views that differ, each with the least probability of being better that an effect must have there."""
-        free = ((self.whole, SURELY_WORSE),) if len(self.whole) != len(self.windows) else ()
-        return ((self.windows, WINS), *free)
 
 
 def searched(search: Search, refit: Fit, held_out: HeldOutViews) -> tuple[Named, tuple[str, ...]]:
@@ -101,12 +79,6 @@ def holds(named: Named, search: Search, held_out: HeldOutViews) -> bool:
         if last.felt and last.probability < least:
             return False
     return True
-
-
-def errors_of(fit: Fit, held_out: Sequence[Segment], sigmas: Float) -> list[Float]:
-    """Standardised errors of each held-out window, (samples, outputs), NaN where nothing was measured."""
-    plant = fit.plant.with_values(fit.values)
-    return [(segment.judged - predict(plant, segment, sigmas)) / sigmas for segment in held_out]
 
 
 def trial(present: Sequence[Float], one: Chosen, held_out: Sequence[Segment], search: Search) -> HeldOutTrial:

@@ -17,7 +17,7 @@ from ground.diagnose.accept import (
 )
 from ground.diagnose.candidates import EffectCandidate
 from ground.diagnose.chosen import Chosen, Named
-from ground.diagnose.confirm import HeldOutViews, holds
+from ground.diagnose.confirm import holds
 from ground.diagnose.crossval import cross_validate
 from ground.diagnose.evidence import LocatedForce
 from ground.diagnose.findings import unexplained
@@ -25,6 +25,7 @@ from ground.diagnose.fit import Fit
 from ground.diagnose.formula import Law, formula_candidate, sparse_law
 from ground.diagnose.name import ACCEPT, Search
 from ground.diagnose.scoring import effective_share, probability_better
+from ground.diagnose.unseen import HeldOutViews
 from ground.diagnose.workers import FitTask, Workers, fit_job
 from sim_hal.plant.effects.unlisted import PHYSICS_ID as UNLISTED
 

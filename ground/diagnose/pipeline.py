@@ -10,7 +10,7 @@ import numpy as np
 
 from ground.diagnose.chosen import Named
 from ground.diagnose.compare import compare_with
-from ground.diagnose.confirm import HeldOutViews, searched
+from ground.diagnose.confirm import searched
 from ground.diagnose.data import Data, prepare
 from ground.diagnose.evidence import Evidence, LocatedForce
 from ground.diagnose.findings import findings_of, next_run, unexplained, verdict_of
@@ -25,6 +25,7 @@ from ground.diagnose.power import power_of, untestable
 from ground.diagnose.result import Diagnosis
 from ground.diagnose.scales import find_scales
 from ground.diagnose.segments import segment_of
+from ground.diagnose.unseen import HeldOutViews
 from ground.diagnose.verify import Verified, verify, windowed_rms
 from ground.diagnose.withdraw import withdrawals
 from ground.diagnose.workers import APPROACH, FINAL_TOLERANCE, Workers
@@ -79,8 +80,8 @@ def diagnose(
         outlook.begin("locate", "locating what is missing")
         forces = locate(refit, data.windows, data.whole[0], data.sigmas, scales, workers)
         needless = withdrawals(refit, plant, workers) if plant.effects else ()
-        search = Search(workers, outlook, plant, with_periods(scales, forces))
         unseen = HeldOutViews(data.held_out_windows, data.held_out_whole)
+        search = Search(workers, outlook, plant, with_periods(scales, forces), unseen.windows)
         named, failed = searched(search, refit, unseen)
         if unexplained(named.fit, data.windows):
             outlook.say("looking for a formula")

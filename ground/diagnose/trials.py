@@ -16,6 +16,7 @@ from ground.diagnose.outlook import Outlook
 from ground.diagnose.released import released_parameters
 from ground.diagnose.scoring import effective_share
 from ground.diagnose.screen import SEEN, Promise, promises_job, trial_job
+from ground.diagnose.segments import Segment
 from ground.diagnose.workers import FitTask, Workers, fit_job
 from sim_hal.plant.simulate import Plant
 
@@ -39,11 +40,20 @@ SAME = 0.9999
 class Trials:
     """What a search tries on given segments; remembers which candidates act alike there."""
 
-    def __init__(self, workers: Workers, outlook: Outlook, given: Plant, scales: Scales) -> None:
+    def __init__(
+        self,
+        workers: Workers,
+        outlook: Outlook,
+        given: Plant,
+        scales: Scales,
+        unseen: Sequence[Segment] = (),
+    ) -> None:
+        """`unseen`: windows of what no fit saw, for the last word between rivals."""
         self.workers = workers
         self.outlook = outlook
         self.given = given
         self.scales = scales
+        self.unseen = unseen
         self._twins: dict[str, Twins] = {}
         self._screened: list[Promise] = []
 
