@@ -27,7 +27,7 @@ def write_page(path: Path, name: str, study: Study, results: Sequence[Result]) -
         "",
         study.about.strip(),
         "",
-        f"Made by `{command}`; errors are of data that no fit saw.",
+        f"Made by `{command}`; errors are of data that no fit saw; between close rivals it had a say.",
         "",
     ]
     lines += ["## The plant as given", "", "```yaml", plant_text(study), "```", ""]
