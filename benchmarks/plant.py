@@ -14,9 +14,8 @@ comes to a stand. `drive_relative_error`: outputs against a tolerance of 1e-11, 
 
 `sil_realtime_factor`: flight code and plant, one mission of a hop off sand, simulated over processor time,
 without the log, and without the hop's truth, which is worked out when it is asked for; the best of some missions,
-and `…_median` of them. `cold_start_s`: what the
-first simulation on a machine costs more than a later one; `warm_start_s`: a fresh Python that loads a plant and
-simulates a hop. Times are processor time, but for the starts.
+and `…_median` of them. `cold_start_s`: what the first simulation on a machine costs more than a later one;
+`warm_start_s`: a fresh Python that loads a plant and simulates a hop. Times are processor time, but for the starts.
 """
 
 from __future__ import annotations

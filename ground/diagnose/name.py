@@ -32,7 +32,7 @@ from ground.diagnose.fit import Fit
 from ground.diagnose.scoring import OCCAM, model_weights, probability_better
 from ground.diagnose.screen import Promise
 from ground.diagnose.trials import HOPELESS, RIVALS, Fitted, Trials
-from ground.diagnose.unseen import weights_on
+from ground.diagnose.unseen import pooled, weights_on
 from ground.diagnose.workers import FitTask
 
 Float = NDArray[np.float64]
@@ -264,9 +264,9 @@ class Search(Trials):
         )
         rivals = [(one.candidate, final), *close]
         shares = model_weights(scores, [self.unusual(candidate, fit) for candidate, fit in rivals])
-        if self.unseen:
-            shares = shares * weights_on(self.unseen, [fit for _, fit in rivals], self.workers.context.sigmas)
-            shares /= shares.sum()
+        if self.unseen and close:
+            fits = [fit for _, fit in rivals]
+            shares = pooled(shares, weights_on(self.unseen, fits, self.workers.context.sigmas))
         weights = [(candidate, float(w)) for (candidate, _), w in zip(rivals, shares, strict=True)]
         probable = {candidate.key: weight for candidate, weight in weights}
         able = [pair for pair in close if identified(*pair, segments, absent.chi2)]

@@ -61,3 +61,10 @@ def weights_on(segments: Sequence[Segment], fits: Sequence[Fit], sigmas: Float) 
     best = min(seen, key=lambda held: held.mean_square)
     share = effective_share(np.vstack(best.residuals))
     return model_weights(np.vstack([held.scores(share) for held in seen]), [0.0] * len(fits))
+
+
+def pooled(shares: Float, others: Float) -> Float:
+    """Probabilities by two independent lots of data; by the first alone where they exclude each other."""
+    both = shares * others
+    total = float(both.sum())
+    return both / total if total > 0.0 else shares

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from diagnose_rig import friction, plant, recordings
 
 import ground.diagnose.unseen as unseen
 from ground.diagnose.data import prepare
 from ground.diagnose.fit import fit_plant
-from ground.diagnose.unseen import weights_on
+from ground.diagnose.unseen import pooled, weights_on
 from sim_hal.plant.simulate import SimulationError
 
 
@@ -50,3 +51,8 @@ def test_where_one_cannot_be_run_nothing_is_said(
     monkeypatch.setattr(unseen, "predict", stuck)
     weights = weights_on(data.held_out_windows, [without, with_friction], data.sigmas)
     assert list(weights) == [0.5, 0.5]
+
+
+def test_both_lots_of_data_count_and_contradiction_makes_no_number_that_is_none() -> None:
+    assert list(pooled(np.array([0.8, 0.2]), np.array([0.2, 0.8]))) == pytest.approx([0.5, 0.5])
+    assert list(pooled(np.array([1.0, 0.0]), np.array([0.0, 1.0]))) == [1.0, 0.0]
