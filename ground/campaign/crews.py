@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import multiprocessing
-from collections.abc import Iterator
+from collections.abc import Awaitable, Iterator
 from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -100,16 +101,19 @@ class Cluster:
 
     def __init__(self, client: Any) -> None:
         self._client = client
-        self._executor = client.get_executor(pure=False)
 
     def workers(self) -> int:
         """How many worker processes there are now, at least one: the first may yet come."""
         return max(1, len(self._client.nthreads()))
 
     def submit(self, study: Study, index: int, stamp: dict[str, Any]) -> Future[Answer]:
-        """Send the case to the cluster."""
-        done: Future[Answer] = self._executor.submit(answer, study, index, stamp)
-        return done
+        """Send the case to the cluster.
+
+        Dask's own executor is not used: it looks at the state again once it has the answer, and fails when the
+        worker was lost in between.
+        """
+        sent = self._client.submit(answer, study, index, stamp, pure=False)
+        return asyncio.run_coroutine_threadsafe(_awaited(sent), self._client.loop.asyncio_loop)
 
     def result(self, done: Future[Answer], study: Study, index: int, stamp: dict[str, Any]) -> Answer:
         """The answer. A case with which worker after worker dies fails.
@@ -125,10 +129,14 @@ class Cluster:
                 return self.submit(study, index, stamp).result()
         except KilledWorker as error:
             return Answer(failed_row(index, f"{DIED} each time, the last at {error.last_worker}"), 0.0)
-        except CancelledError as error:
+        except (CancelledError, asyncio.CancelledError) as error:
             raise ConfigError("the cluster was lost; the same command goes on where it was") from error
         except OtherWorkerError as error:
             raise ConfigError(str(error)) from error
+
+
+async def _awaited(sent: Awaitable[Answer]) -> Answer:
+    return await sent
 
 
 def _pool(number: int) -> ProcessPoolExecutor:

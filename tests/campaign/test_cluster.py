@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import signal
 import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import CancelledError
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -71,44 +73,77 @@ def test_a_cluster_gives_the_same_even_when_a_worker_is_killed(address: str, tmp
     assert set(range(81)) <= set(done)
 
 
-class Executor:
-    """Answers as told, as Dask's executor would."""
+def test_an_answer_in_hand_counts_though_its_worker_is_lost_just_then(
+    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gather = distributed.Client._gather
 
-    def __init__(self, *answers: BaseException | Answer) -> None:
+    async def then_lose(self: Any, futures: list[Any], *others: Any, **named: Any) -> Any:
+        answers = await gather(self, futures, *others, **named)
+        for future in futures:
+            future._state.lose()
+        return answers
+
+    monkeypatch.setattr(distributed.Client, "_gather", then_lose)
+    with crew(1, address) as workers:
+        result = run_study(Sums(1), 6, tmp_path, workers, quiet)
+    assert len(result.rows) == 6
+
+
+class Client:
+    """Answers as told, as Dask's client would."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, *answers: BaseException | Answer) -> None:
         self._answers = list(answers)
+        self.loop = SimpleNamespace(asyncio_loop=loop)
 
-    def get_executor(self, pure: bool) -> Executor:
+    async def submit(self, *work: object, pure: bool) -> Answer:
         assert not pure
-        return self
-
-    def submit(self, *work: object) -> Future[Answer]:
-        done: Future[Answer] = Future()
         given = self._answers.pop(0)
         if isinstance(given, Answer):
-            done.set_result(given)
-        else:
-            done.set_exception(given)
-        return done
+            return given
+        raise given
 
 
-def test_a_case_whose_workers_died_is_sent_once_more_and_then_fails() -> None:
+@pytest.fixture
+def loop() -> Iterator[asyncio.AbstractEventLoop]:
+    """One that runs in a thread of its own, as Dask's does."""
+    made = asyncio.new_event_loop()
+    thread = threading.Thread(target=made.run_forever)
+    thread.start()
+    yield made
+    made.call_soon_threadsafe(made.stop)
+    thread.join()
+    made.close()
+
+
+def test_a_case_whose_workers_died_is_sent_once_more_and_then_fails(loop: asyncio.AbstractEventLoop) -> None:
     killed, good = (
         distributed.KilledWorker("answer", "tcp://w:1", 3),
         Answer({"index": 3, "failed": None}, 0.1),
     )
     study, stamp = Sums(1), stamp_of(Sums(1))
-    cluster = Cluster(Executor(killed, good, killed, killed))
+    cluster = Cluster(Client(loop, killed, good, killed, killed))
     assert cluster.result(cluster.submit(study, 3, stamp), study, 3, stamp) == good
     failed = cluster.result(cluster.submit(study, 3, stamp), study, 3, stamp).row
     assert failed["index"] == 3
     assert "its process died each time, the last at tcp://w:1" in failed["failed"]
 
 
-def test_a_lost_cluster_ends_the_campaign_with_words() -> None:
+def test_a_lost_cluster_ends_the_campaign_with_words(loop: asyncio.AbstractEventLoop) -> None:
     study, stamp = Sums(1), stamp_of(Sums(1))
-    cluster = Cluster(Executor(CancelledError()))
+    cluster = Cluster(Client(loop, CancelledError()))
     with pytest.raises(ConfigError, match="the cluster was lost"):
         cluster.result(cluster.submit(study, 3, stamp), study, 3, stamp)
+
+
+def test_a_real_cluster_that_forgets_the_campaign_is_told(address: str) -> None:
+    study, stamp = Sums(1, wait_s=5.0), stamp_of(Sums(1))
+    with crew(1, address) as workers, distributed.Client(address, set_as_default=False) as other:
+        sent = workers.submit(study, 3, stamp)
+        other.restart()
+        with pytest.raises(ConfigError, match="the cluster was lost"):
+            workers.result(sent, study, 3, stamp)
 
 
 def test_workers_with_other_settings_are_refused(address: str, tmp_path: Path) -> None:
