@@ -7,7 +7,10 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 GROUND := $(VENV)/.ground
 DEV := $(VENV)/.dev
 
-.PHONY: demo test bench check mutation fuzz docs test-kernel test-arm64 lint setup clean
+# Stamp of the first translation; later ones are for who wants them (`make compile`).
+TRANSLATED := $(VENV)/.translated
+
+.PHONY: compile demo test bench check mutation fuzz docs test-kernel test-arm64 lint setup clean
 
 $(GROUND): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -18,7 +21,15 @@ $(DEV): $(GROUND)
 	$(PIP) --editable ".[ground,dev]"
 	touch $@
 
-setup: $(DEV)
+setup: compile
+
+# Machine code of what each tick runs through. Without a C compiler all runs as well, and missions take twice as long.
+compile: $(DEV)
+	$(BIN)/hopper compile || echo "no machine code: missions take twice as long"
+
+$(TRANSLATED): | $(DEV)
+	$(MAKE) compile
+	touch $@
 
 demo: $(GROUND)
 	$(BIN)/hopper run --surface quartz_sand --hops 3 --energy-j 18 --out out/demo
@@ -29,17 +40,19 @@ lint: $(DEV)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-test: lint
+test: lint | $(TRANSLATED)
 	$(BIN)/pytest
 
 # One table of what hopper costs and gets right, each row beside its peer: benchmarks/results.md.
-bench: $(DEV)
+bench: compile
 	$(PIP) --editable ".[bench]"
 	$(BIN)/python -m benchmarks.bench
 
-# All gates: style, types, layers; tests with branch coverage by package; licences of what flies and of what is on the
-# ground; the wheel in a clean environment; mutants of the energy chain, the monitors and the core of the estimator.
-check: lint
+# All gates: style, types, layers; the tests of what flies against machine code, then all tests by the sources, with
+# branch coverage by package; licences of what flies and of what is on the ground; the wheel in a clean environment;
+# mutants of the energy chain, the monitors and the core of the estimator.
+check: lint compile
+	HOPPER_COMPILED=1 $(BIN)/pytest tests/flight tests/mission tests/safety tests/sim_hal tests/chips tests/contract
 	$(BIN)/pytest --cov --cov-branch --cov-report=json:out/coverage.json
 	$(BIN)/python -m benchmarks.gates coverage out/coverage.json
 	$(BIN)/python -m benchmarks.gates licences

@@ -176,6 +176,7 @@ def _cores(processes: int | None) -> int:
 def _show_run(study: Study, ran: StudyResult, folder: Path) -> None:
     """How fast it went, which cases to look at, and how."""
     console.say(ran.throughput.text)
+    console.say_if_interpreted()
     odd = [row["index"] for row in ran.rows if study.suspicious(row)]
     for what, indices in (("failed", [row["index"] for row in ran.failed]), ("to look at", odd)):
         if indices:

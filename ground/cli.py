@@ -16,6 +16,7 @@ from flight.executive import Progress
 from flight.plans import load_mission
 from ground import api, console
 from ground.campaign_cli import campaign_app
+from ground.compile_cli import compile_app
 from ground.data_cli import data_app
 from ground.demo_cli import demo_app
 from ground.diagnose.belonging import belonging
@@ -51,7 +52,7 @@ app.add_typer(plant_app, name="plant")
 app.add_typer(campaign_app, name="campaign")
 add_paper_commands(app)
 app.add_typer(dictionary_app, name="dictionary")
-for other in (recordings_app, link_app, console_app, export_app):
+for other in (recordings_app, link_app, console_app, export_app, compile_app):
     app.registered_commands += other.registered_commands
 app.add_typer(demo_app, name="demo")
 app.add_typer(data_app, name="data")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -26,10 +27,12 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
+import flight
 from ground.diagnose.data import DiagnosisError
 from ground.progress import Show
 from ground.recordings.model import RecordingError
 from ground.report.figure_files import write_figures
+from hal.compiled import SWITCH
 from hal.errors import HalError
 from sim_hal.plant.simulate import SimulationError
 
@@ -148,6 +151,12 @@ def draw_figures(page: Path, folder: Path | None, quiet: bool = False) -> list[P
 def say(text: str) -> None:
     """Print a sentence as it is: wrapped between words on a terminal, whole lines elsewhere."""
     out.print(text, markup=False, highlight=False, soft_wrap=not out.is_terminal)
+
+
+def say_if_interpreted() -> None:
+    """How many missions would take less time, where nothing was translated and nobody asked for that."""
+    if not flight.COMPILED and os.environ.get(SWITCH) != "0":
+        err.print("`hopper compile`, once, makes missions twice as fast", markup=False, highlight=False)
 
 
 def table(title: str, headers: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

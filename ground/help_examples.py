@@ -45,6 +45,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "campaign missions": ("hopper campaign missions --count 200 --seed 1 --out out/campaign-missions",),
     "campaign diagnosis": ("hopper campaign diagnosis --count 20 --processes 2",),
     "campaign replay": ("hopper campaign replay out/campaign-faults 17",),
+    "compile": ("hopper compile", "hopper compile --remove"),
     "plant check": ("hopper plant check emps_mass",),
     "plant show": ("hopper plant show out/diagnosis/plant.yaml --page out/equations.html",),
     "data list": ("hopper data list",),

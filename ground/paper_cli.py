@@ -67,6 +67,7 @@ def reproduce(
                 show(f"flying {campaign.hops} hops on {processes} processes")
                 made, flown_seed = reproduce_by_flight(campaign, seed, show, processes), seed
             how = flown_words(campaign, seed)
+            console.say_if_interpreted()
         page = write_results(campaign, made, out, flown_seed, how)
         console.draw_figures(page, figures)
         if json_file is not None:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+os.environ.setdefault(
+    "HOPPER_COMPILED", "0"
+)  # tests replace parts of modules, which machine code would not see
 
 from flight import settings as flight_settings
 from ground.mission_run import plan_mission, run_mission

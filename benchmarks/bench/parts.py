@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+import flight
 from benchmarks import estimator, onboard, plant
 from benchmarks.bench.logs import log_rows
 from benchmarks.bench.numba_hop import numba_hop
@@ -20,14 +21,11 @@ from benchmarks.blind.cases import BlindCase, draw_case, measured
 from benchmarks.blind.rivals import sparse_regression
 from benchmarks.blind.sight import simulate
 from benchmarks.hop_peers import MuJoCoHop, Rig, by_scipy
-from benchmarks.real_time import open_on_sand, plan, recorded
+from benchmarks.real_time import recorded
 from benchmarks.rival_estimators import RIVALS
-from flight import settings as flight_settings
-from flight.executive import fly
 from ground.diagnose.pipeline import diagnose
 from ground.recordings import Recording
 from hal.config import config_path
-from hal.log import NullLog
 from sim_hal.plant.hops import Hops
 from sim_hal.plant.simulate import Run, compile_plant, load_plant
 
@@ -113,13 +111,23 @@ def missions(repeats: int) -> list[Row]:
     compiled, run = compile_plant(model), tensioning(6000)
     (taken,) = by_turns(repeats, lambda: compiled.run(compiled.values, run))
     rows = [Row("tensioning, 30 s, three effects", "ms", tuple(1e3 * t for t in taken), "real time", (30e3,))]
-    factors = []
-    for _ in range(max(2, repeats // 2)):
-        with open_on_sand() as board:
-            spent = seconds(lambda board=board: fly(board, flight_settings.load(), plan(1), NullLog()))  # type: ignore[misc]
-            factors.append(board.clock.now_s() / spent)
+    factors = plant.sil_factors(max(2, repeats // 2))
+    what = f"software in the loop, {'machine code' if flight.COMPILED else 'sources'}"
     note = "flight software at 200 Hz and simulated robot, one core"
-    return [*rows, Row("software in the loop", "s/s", tuple(factors), "real time", (1.0,), True, note)]
+    by_sources = plant.sil_by_sources(max(2, repeats // 2))
+    return [
+        *rows,
+        Row(what, "s/s", tuple(factors), "real time", (1.0,), True, note),
+        Row(
+            what,
+            "s/s",
+            tuple(factors),
+            "sources",
+            tuple(by_sources),
+            True,
+            "`hopper compile` makes the former",
+        ),
+    ]
 
 
 def tensioning(samples: int) -> Run:

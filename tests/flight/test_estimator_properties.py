@@ -132,7 +132,7 @@ def rebuilt(record: HopRecord, cuts: list[int]) -> HopRecord:
         force = SpecificForce(
             tuple(record.times_s[part]),
             tuple(record.specific_force_m_s2[part]),
-            tuple(record.saturated[part]),
+            tuple(record.saturated[part].tolist()),
         )
         recorder.add(force, spring, MagnetCurrent((), ()))
         at, turn = part.stop, turn + 1
