@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ground.diagnose.between_runs import differing, scatter_of, widened
 from ground.diagnose.chosen import Named
 from ground.diagnose.compare import compare_with
 from ground.diagnose.confirm import searched
@@ -94,6 +95,8 @@ def diagnose(
             )
             forces[0] = still_missing(forces[0], task, workers.context)
     outlook.begin("verify", "verifying on what was held out")
+    scatters = scatter_of(named.fit, [*data.windows, *data.held_out_windows], data.sigmas)
+    named = replace(named, fit=widened(named.fit, scatters, [r.run for r in data.fitted]))
     refitted = plant.with_values(refit.values)
     extended = settled_plant(named.fit, plant)
     plants = {"nominal": plant, "refit": refitted, "extended": extended}
@@ -106,7 +109,11 @@ def diagnose(
     if unstated:
         names = ", ".join(f"state.{name}" for name in unstated)
         opened = (f"Not all recordings tell how they start ({names}): that was fitted.",)
-    result = replace(result, notes=(*opened, *(w.words for w in needless), *lost, *result.notes))
+    result = replace(
+        result,
+        notes=(*opened, *(w.words for w in needless), *lost, *differing(scatters), *result.notes),
+        details={**result.details, "between_runs": [one.content for one in scatters]},
+    )
     if reference is not None:
         compared = compare_with(reference, extended, data.held_out_whole, data.held_out_windows, data.sigmas)
         result = replace(result, details={**result.details, "reference": compared})
