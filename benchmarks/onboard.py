@@ -12,6 +12,8 @@ own thread is not counted), without the time that the (simulated) devices take, 
 mission is flown at the shipped 200 Hz, to which the monitors are tuned, so a tick takes in eight samples of each fast
 sensor; at 1 kHz it would be two. `tick_no_log_us_median` is the same without the log.
 
+`machine_code`: 1 where the flight software ran as machine code (`hopper compile`), 0 by its sources.
+
 `growth_kb_per_hour`: slope of the resident memory while the robot hops on at 200 Hz for `--hours` of simulated time,
 the collector off and the log in files as in flight, written before each tick ends, the first quarter left out. The
 simulated robot is in the same process: what grows of it counts, too, but for what it leaves in cycles, which is
@@ -53,6 +55,7 @@ from benchmarks.real_time import (
     recorded,
 )
 from benchmarks.tick_meter import TickMeter
+import flight
 from flight import settings as flight_settings
 from flight.__main__ import KEPT_REPORTS
 from flight.background_log import BackgroundLog
@@ -227,6 +230,7 @@ def measure(hours: float, jitter_s: float) -> dict[str, tuple[float, str]]:
     for name, points, unit in (("kb", grown.points, "kB/h"), ("blocks", grown.blocks, "1/h")):
         slope, sigma = late_growth(points)
         figures[f"growth_{name}_per_hour"], figures[f"growth_{name}_sigma"] = (slope, unit), (sigma, unit)
+    figures["machine_code"] = (float(flight.COMPILED), "1")
     figures["flight_garbage"] = (float(grown.flight_garbage), "1")
     messages = recorded(jitter_s)
     with real_time() as scheduler:

@@ -105,6 +105,11 @@ def _theirs(rows: list[Row], name: str) -> tuple[float, ...]:
     return next((row.theirs for row in rows if name in row.peer), ())
 
 
+def ran_as() -> str:
+    """What a tick runs through, here."""
+    return "machine code" if flight.COMPILED else "sources"
+
+
 def missions(repeats: int) -> list[Row]:
     """30 s of tensioning with three effects; a whole mission against real time."""
     model = plant.with_effects(load_plant(config_path("plant", "bb0b_drive.yaml")), plant.DRIVE_EFFECTS)
@@ -112,7 +117,7 @@ def missions(repeats: int) -> list[Row]:
     (taken,) = by_turns(repeats, lambda: compiled.run(compiled.values, run))
     rows = [Row("tensioning, 30 s, three effects", "ms", tuple(1e3 * t for t in taken), "real time", (30e3,))]
     factors = plant.sil_factors(max(2, repeats // 2))
-    what = f"software in the loop, {'machine code' if flight.COMPILED else 'sources'}"
+    what = f"software in the loop, {ran_as()}"
     note = "flight software at 200 Hz and simulated robot, one core"
     by_sources = plant.sil_by_sources(max(2, repeats // 2))
     return [
@@ -168,7 +173,7 @@ def _rms(values: list[float]) -> float:
 def on_board(repeats: int) -> list[Row]:
     """The tick, the log, and the start."""
     ticks = onboard.ticks(logged=True)[:-1]
-    budget, of_flights = "budget at 200 Hz", f" (least of {onboard.FLIGHTS} flights)"
+    budget, of_flights = "budget at 200 Hz", f" (least of {onboard.FLIGHTS} flights, {ran_as()})"
     rows = [
         *(
             Row(
