@@ -41,6 +41,7 @@ from pathlib import Path
 
 import numpy as np
 
+import flight
 from benchmarks.figures import write_figures
 from benchmarks.growth import growth_per_hour
 from benchmarks.kill import Resting
@@ -55,7 +56,6 @@ from benchmarks.real_time import (
     recorded,
 )
 from benchmarks.tick_meter import TickMeter
-import flight
 from flight import settings as flight_settings
 from flight.__main__ import KEPT_REPORTS
 from flight.background_log import BackgroundLog
