@@ -16,7 +16,7 @@ compile_app = typer.Typer()
 @compile_app.command("compile")
 def compile_command(
     remove: Annotated[
-        bool, typer.Option(help="Remove the machine code instead; the sources run again.")
+        bool, typer.Option("--remove", help="Remove the machine code instead; the sources run again.")
     ] = False,
     as_json: Json = False,
 ) -> None:
