@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ground.diagnose.ripple import Ripple
+
 Float = NDArray[np.float64]
 
 
@@ -31,7 +33,7 @@ class LocatedForce:
 
     `before` is what the refitted plant lacks, `after` what the extended one still does; `law` is the force of the
     effects found, all (samples,), in `unit`. `causes` are the quantities it may depend on, by name with unit.
-    `began_s` is when the whole recording began; None: with the force.
+    `began_s` is when the whole recording began; None: with the force. `ripple`: what repeats along the position.
     """
 
     equation: str
@@ -45,6 +47,7 @@ class LocatedForce:
     explained: Mapping[str, float]
     log_likelihood_gain: float
     began_s: float | None = None
+    ripple: Ripple | None = None
 
     @property
     def law(self) -> Float | None:

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from ground.diagnose.evidence import LocatedForce
 from ground.diagnose.fit import Fit
 from ground.diagnose.knots import knot_force
+from ground.diagnose.ripple import Ripple, strongest_ripple
 from ground.diagnose.segments import Segment, spans
-from ground.diagnose.smoothing import Smoothed, StateSpace, smooth
+from ground.diagnose.smoothing import Smoothed, StateSpace, filtered, smooth
 from ground.diagnose.workers import Context, Workers
 from sim_hal.plant.run import bridged, smoothed_start
 from sim_hal.plant.simulate import MISSING_FORCE, CompiledPlant, Plant, SimulationError, compile_plant, probes
@@ -22,6 +23,8 @@ from sim_hal.plant.simulate import MISSING_FORCE, CompiledPlant, Plant, Simulati
 Float = NDArray[np.float64]
 Progress = Callable[[str], None]
 
+RIPPLE_SAMPLES = 2500
+"""So many readings, at full rate, tell a ripple's period."""
 STEPS = 800
 """Steps that a recording is smoothed in; the inputs still act at every sample."""
 SEARCH_STEPS = 200
@@ -48,14 +51,17 @@ def locate(
     typical = {
         name: scales[name]["F"] for name in fit.plant.structure.balances if "F" in scales.get(name, {})
     }
-    tasks = [LocateTask(fit, tuple(segments), whole, sigmas, name, force) for name, force in typical.items()]
+    tasks = [
+        LocateTask(fit, tuple(segments), whole, sigmas, name, force, ripple=True)
+        for name, force in typical.items()
+    ]
     found = [force for force in workers.map(locate_job, tasks) if force is not None]
     return sorted(found, key=lambda force: -force.log_likelihood_gain)
 
 
 @dataclass(frozen=True)
 class LocateTask:
-    """One balance to look for a missing force in; `typical` is its force's usual size."""
+    """One balance to look for a missing force in; `typical`: its force's usual size; `ripple`: look for one, too."""
 
     fit: Fit
     segments: tuple[Segment, ...]
@@ -63,6 +69,7 @@ class LocateTask:
     sigmas: Float
     balance: str
     typical: float
+    ripple: bool = False
 
 
 def locate_job(_: Context, task: LocateTask) -> LocatedForce | None:
@@ -138,7 +145,26 @@ def smoothed_in(task: LocateTask) -> LocatedForce | None:
         },
         log_likelihood_gain=likelihoods[best] - still,
         began_s=segment.run.began_s,
+        ripple=ripple_in(plant, balance, segment, task.sigmas, sizes, intensities[best])
+        if task.ripple
+        else None,
     )
+
+
+def ripple_in(
+    plant: Plant, balance: str, segment: Segment, sigmas: Float, sizes: Mapping[str, float], intensity: float
+) -> Ripple | None:
+    """The ripple that a balance's missing force has, by the first readings at full rate."""
+    if plant.structure.balances[balance].position is None:
+        return None
+    at = np.arange(min(RIPPLE_SAMPLES, segment.samples))
+    space = state_space(plant, balance, (segment, at), sigmas, sizes)
+    passed = filtered(space, intensity)
+    if not np.isfinite(passed.mean).all():
+        return None
+    way = Smoothed(passed.mean[:, -1], np.zeros(at.size), passed.mean[:, :-1], passed.log_likelihood)
+    position = cause_series(plant, balance, segment, space, way).get("position")
+    return None if position is None else strongest_ripple(passed, position)
 
 
 def still_missing(force: LocatedForce, task: LocateTask, context: Context) -> LocatedForce:

@@ -18,6 +18,8 @@ CYCLE_STEP = 0.25
 """Spacing of the periods tried, in cycles over the travel: no peak of the spectrum is narrower than one."""
 LEAST_CYCLES = 2.0
 """What is not seen to repeat along the travel is no ripple, but some smooth law."""
+LEAST_PART = 0.1
+"""Of a ripple's amplitude; a fit begins with no smaller part."""
 SAMPLES_PER_CYCLE = 6.0
 """Fewer do not show a cycle."""
 
@@ -25,13 +27,25 @@ SAMPLES_PER_CYCLE = 6.0
 def with_periods(
     scales: Mapping[str, Mapping[str, float]], forces: Sequence[LocatedForce]
 ) -> dict[str, dict[str, float]]:
-    """The scales, the period P of each balance being the one that its missing force shows most."""
+    """The scales with what each balance's missing force shows of a ripple: period P, parts A_sin and A_cos."""
     found = {name: dict(own) for name, own in scales.items()}
     for force in forces:
         own = found.get(force.equation, {})
-        if "P" in own and (period := strongest_period(force)) is not None:
+        if "P" in own and (ripple := force.ripple) is not None:
+            least = LEAST_PART * float(np.hypot(ripple.sine, ripple.cosine))
+            own |= {
+                "P": ripple.period,
+                "A_sin": at_least(ripple.sine, least),
+                "A_cos": at_least(ripple.cosine, least),
+            }
+        elif "P" in own and (period := strongest_period(force)) is not None:
             own["P"] = min(period, own["X"] / LEAST_CYCLES)
     return found
+
+
+def at_least(part: float, least: float) -> float:
+    """A part of a ripple, not so small that a fit beginning there could not change it."""
+    return float(np.copysign(max(abs(part), least), part))
 
 
 def strongest_period(force: LocatedForce) -> float | None:

@@ -95,7 +95,9 @@ def diagnose(
             )
             forces[0] = still_missing(forces[0], task, workers.context)
     outlook.begin("verify", "verifying on what was held out")
-    scatters = scatter_of(named.fit, [*data.windows, *data.held_out_windows], data.sigmas)
+    # what is not understood yet may differ from run to run for that
+    told = () if unexplained(named.fit, data.windows) else (*data.windows, *data.held_out_windows)
+    scatters = scatter_of(named.fit, told, data.sigmas)
     named = replace(named, fit=widened(named.fit, scatters, [r.run for r in data.fitted]))
     refitted = plant.with_values(refit.values)
     extended = settled_plant(named.fit, plant)

@@ -23,10 +23,12 @@ TYPICAL = 95.0
 
 SHORT = 0.05
 """A period in position, as a share of the travel, while nothing better is known."""
+RIPPLE = 0.02
+"""The parts of a ripple, as a share of the typical force, while nothing better is known."""
 
 
 def find_scales(fit: Fit, segments: Sequence[Segment]) -> dict[str, dict[str, float]]:
-    """Scales by balance equation (F, V, X, X_low, X_mid, X_high, P, T, M) and channel (Y, Y_max, T, D, S)."""
+    """Scales by balance (F, A_sin, A_cos, V, X, X_low, X_mid, X_high, P, T, M) and channel (Y, Y_max, T, D, S)."""
     plant = fit.plant
     sample_s = float(np.median(np.concatenate([np.diff(s.run.times_s) for s in segments])))
     duration = float(np.median([s.run.times_s[-1] - s.run.times_s[0] for s in segments]))
@@ -89,6 +91,7 @@ def balance_scales(balance: Balance, series: dict[str, Float], duration_s: float
         found["M"] = float(np.median(np.abs(1.0 / response[acts])))
     if (largest := max(typical(values) for values in (force, *parts))) > 0.0:
         found["F"] = largest
+        found["A_sin"] = found["A_cos"] = RIPPLE * largest
     speed = series.get(f"{balance.name}.velocity")
     if speed is not None and typical(speed) > 0.0:
         found["V"] = typical(speed)

@@ -170,12 +170,15 @@ def trial_job(context: Context, task: tuple[Fit, Promise]) -> Promise:
     ranges = ranges_of(plant, context.scales)
     problem = FitProblem(plant, context.segments, context.sigmas, ranges)
     best = replace(promise, gain=0.0, values=fit.values)
-    for share in SHARES:
+    for share, steps in [
+        *((share, share * promise.step) for share in SHARES),
+        (0.0, np.ones(promise.step.size)),
+    ]:
         values = {name: old + share * (promise.values[name] - old) for name, old in fit.values.items()}
-        for name, step in zip(candidate.own_strengths, promise.step, strict=True):
+        for name, step in zip(candidate.own_strengths, steps, strict=True):
             if (flat := f"{candidate.key}.{name}") in ranges:  # what acts as a whole has nothing to choose
                 start, low, high = ranges[flat]
-                values[flat] = min(max(share * step * start, low), high)
+                values[flat] = min(max(step * start, low), high)
         initial = [
             {name: old + share * (new[name] - old) for name, old in own.items()}
             for own, new in zip(fit.initial, promise.initial, strict=True)

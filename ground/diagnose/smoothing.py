@@ -51,7 +51,7 @@ class StateSpace:
 
 def smooth(space: StateSpace, intensity: float) -> Smoothed:
     """Filter forward, smooth backward. `intensity` is the random walk's q for the missing force."""
-    passed = _filter(space, intensity)
+    passed = filtered(space, intensity)
     mean, covariance = passed.mean[-1], passed.covariance[-1]
     count, size = passed.mean.shape
     states = np.empty((count, size))
@@ -68,40 +68,58 @@ def smooth(space: StateSpace, intensity: float) -> Smoothed:
 
 
 @dataclass(frozen=True)
-class _Passed:
+class Update:
+    """What the measurements of a sample changed: gain (n, m), sensitivity (m, n), innovation (m,) and its spread."""
+
+    gain: Float
+    sensitivity: Float
+    innovation: Float
+    spread: Float
+
+
+@dataclass(frozen=True)
+class Passed:
+    """The filter's way: states before (`predicted`) and after each sample, and how they moved to the next one.
+
+    `updates` has None where nothing was measured.
+    """
+
     mean: Float
     covariance: Float
     predicted: Float
     predicted_covariance: Float
     slope: Float
+    updates: tuple[Update | None, ...]
     log_likelihood: float
 
 
-def _filter(space: StateSpace, intensity: float) -> _Passed:
+def filtered(space: StateSpace, intensity: float) -> Passed:
+    """The filter alone, forward. `intensity` as in `smooth`."""
     count, size = space.times_s.size, space.start.size
     mean, predicted = np.empty((count, size)), np.empty((count, size))
     covariance, predicted_covariance = np.empty((count, size, size)), np.empty((count, size, size))
     slope = np.empty((count, size, size))
     x, p = space.start.copy(), np.diag(space.start_std**2)
-    log_likelihood = 0.0
+    log_likelihood, updates = 0.0, list[Update | None]()
     for k in range(count):
         predicted[k], predicted_covariance[k] = x, p
-        x, p, gained = _update(space, k, x, p)
+        x, p, gained, update = _update(space, k, x, p)
         log_likelihood += gained
+        updates.append(update)
         mean[k], covariance[k] = x, p
         if k + 1 < count:
             x, slope[k] = _linearised(partial(space.transition, k), x, space.perturbation)
             p = slope[k] @ p @ slope[k].T
             p[-1, -1] += intensity * (space.times_s[k + 1] - space.times_s[k])
             p = 0.5 * (p + p.T) + np.diag(1e-12 * space.perturbation**2)
-    return _Passed(mean, covariance, predicted, predicted_covariance, slope, log_likelihood)
+    return Passed(mean, covariance, predicted, predicted_covariance, slope, tuple(updates), log_likelihood)
 
 
-def _update(space: StateSpace, k: int, x: Float, p: Float) -> tuple[Float, Float, float]:
+def _update(space: StateSpace, k: int, x: Float, p: Float) -> tuple[Float, Float, float, Update | None]:
     """Take in the measurements of sample k (those that are there)."""
     seen = np.isfinite(space.observed[k])
     if not seen.any():
-        return x, p, 0.0
+        return x, p, 0.0, None
     output, sensitivity = _linearised(partial(space.measurement, k), x, space.perturbation)
     h = sensitivity[seen]
     innovation = space.observed[k][seen] - output[seen]
@@ -112,7 +130,7 @@ def _update(space: StateSpace, k: int, x: Float, p: Float) -> tuple[Float, Float
     _, log_determinant = np.linalg.slogdet(spread)
     distance = float(innovation @ np.linalg.solve(spread, innovation))
     gained = -0.5 * (distance + log_determinant + innovation.size * math.log(2.0 * math.pi))
-    return x + gain @ innovation, p, gained
+    return x + gain @ innovation, p, gained, Update(gain, h, innovation, spread)
 
 
 def _linearised(function: Callable[[Float], Float], x: Float, step: Float) -> tuple[Float, Float]:

@@ -149,8 +149,8 @@ ADDED_INERTIA = Effect(
 )
 
 _RIPPLE = (
-    EffectParameter("F_sin", "force", "0.02 * F", "-F", "F", strength=True),
-    EffectParameter("F_cos", "force", "0.02 * F", "-F", "F", strength=True),
+    EffectParameter("F_sin", "force", "A_sin", "-F", "F", strength=True),
+    EffectParameter("F_cos", "force", "A_cos", "-F", "F", strength=True),
 )
 
 TORQUE_RIPPLE = Effect(
