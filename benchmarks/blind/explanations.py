@@ -186,6 +186,7 @@ def _balance_scales(name: str, series: Mapping[str, np.ndarray]) -> dict[str, fl
         acts = response != 0.0
         found["F"] = _typical(series[f"{name}.rate"][acts] / response[acts])
         found["M"] = float(np.median(np.abs(1.0 / response[acts])))
+    found["A_sin"] = found["A_cos"] = 0.02 * found["F"]
     if f"{name}.velocity" in series:
         found["V"] = _typical(series[f"{name}.velocity"])
     if f"{name}.position" in series:

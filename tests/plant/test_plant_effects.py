@@ -27,6 +27,8 @@ PUSH = pushed(TIMES, 8.0 * np.sin(6.0 * TIMES))
 RIGS = {"drive": ("bb0b_drive", DRIVE), "hop": ("bb0b_hop", HOP)}
 SCALES = {
     "F": 4.0,
+    "A_sin": 0.08,
+    "A_cos": 0.08,
     "M": 2.0,
     "V": 0.6,
     "T": 2.0,
@@ -39,6 +41,8 @@ SCALES = {
 }
 DRIVE_SCALES = SCALES | {
     "F": 5e-3,
+    "A_sin": 1e-4,
+    "A_cos": 1e-4,
     "M": 2e-6,
     "V": 600.0,
     "X": 2.5e-3,
