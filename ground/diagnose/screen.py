@@ -170,10 +170,12 @@ def trial_job(context: Context, task: tuple[Fit, Promise]) -> Promise:
     ranges = ranges_of(plant, context.scales)
     problem = FitProblem(plant, context.segments, context.sigmas, ranges)
     best = replace(promise, gain=0.0, values=fit.values)
-    for share, steps in [
-        *((share, share * promise.step) for share in SHARES),
-        (0.0, np.ones(promise.step.size)),
-    ]:
+    tried = [(share, share * promise.step) for share in SHARES]
+    if (
+        len(candidate.own_strengths) > 1
+    ):  # their proportions, too, are as the start has them, if the line errs
+        tried.append((0.0, np.ones(promise.step.size)))
+    for share, steps in tried:
         values = {name: old + share * (promise.values[name] - old) for name, old in fit.values.items()}
         for name, step in zip(candidate.own_strengths, steps, strict=True):
             if (flat := f"{candidate.key}.{name}") in ranges:  # what acts as a whole has nothing to choose
