@@ -34,7 +34,7 @@ def on_cluster(study: Study, wanted: int, processes: int) -> StudyResult:
     from distributed import LocalCluster
 
     made = LocalCluster(  # type: ignore[no-untyped-call]
-        n_workers=processes, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        n_workers=processes, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
     )
     with made:
         return run(study, wanted, 1, made.scheduler_address)

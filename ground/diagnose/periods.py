@@ -18,6 +18,8 @@ CYCLE_STEP = 0.25
 """Spacing of the periods tried, in cycles over the travel: no peak of the spectrum is narrower than one."""
 LEAST_CYCLES = 2.0
 """What is not seen to repeat along the travel is no ripple, but some smooth law."""
+MOST_SIZE = 0.2
+"""Of the typical force: what asks for more is no ripple beside it, but a start or a stop of the motion."""
 LEAST_PART = 0.1
 """Of a ripple's amplitude; a fit begins with no smaller part."""
 SAMPLES_PER_CYCLE = 6.0
@@ -31,8 +33,8 @@ def with_periods(
     found = {name: dict(own) for name, own in scales.items()}
     for force in forces:
         own = found.get(force.equation, {})
-        if "P" in own and (ripple := force.ripple) is not None:
-            least = LEAST_PART * float(np.hypot(ripple.sine, ripple.cosine))
+        if "P" in own and (ripple := force.ripple) is not None and ripple.size <= MOST_SIZE * own["F"]:
+            least = LEAST_PART * ripple.size
             own |= {
                 "P": ripple.period,
                 "A_sin": at_least(ripple.sine, least),

@@ -28,7 +28,7 @@ FAST = 90.0
 TENTHS = 10
 """Stretches that are dealt to the two halves in turn."""
 SEEN = 20.0
-"""Least drop in chi-square on either half of what the other half says."""
+"""Least drop in chi-square on either half by what the other half says, in what an innovation has of it."""
 USUAL = 2.0
 """Sigmas beyond which an innovation counts less (P. J. Huber, Annals of Mathematical Statistics 35 (1964) 73)."""
 
@@ -40,6 +40,11 @@ class Ripple:
     period: float
     sine: float
     cosine: float
+
+    @property
+    def size(self) -> float:
+        """Amplitude [unit of force]."""
+        return float(np.hypot(self.sine, self.cosine))
 
 
 def strongest_ripple(passed: Passed, position: Float) -> Ripple | None:
@@ -59,7 +64,7 @@ def strongest_ripple(passed: Passed, position: Float) -> Ripple | None:
     halves = answers(passed, position, 2.0 * np.pi * cycles / travel)
     gain = halves[1].gain_of(*halves[0].parts) + halves[0].gain_of(*halves[1].parts)
     best = int(np.argmax(gain))
-    if not gain[best] >= SEEN:
+    if not gain[best] >= SEEN * max(1.0, dispersion(passed)):
         return None
     sine, cosine = Sums(halves[0].own + halves[1].own, halves[0].told + halves[1].told).parts
     return Ripple(travel / float(cycles[best]), float(sine[best]), float(cosine[best]))
@@ -113,7 +118,18 @@ def answers(passed: Passed, position: Float, waves: Float) -> tuple[Sums, Sums]:
     return halves[0], halves[1]
 
 
+def dispersion(passed: Passed) -> float:
+    """Mean weighed square of the innovations: above 1 where the filter's plant is wrong otherwise."""
+    seen = [update for update in passed.updates if update is not None]
+    squares = [weight_of(one) * surprise_of(one) for one in seen]
+    return float(sum(squares) / max(1, sum(one.innovation.size for one in seen)))
+
+
+def surprise_of(update: Update) -> float:
+    """Chi-square of an innovation."""
+    return float(update.innovation @ np.linalg.solve(update.spread, update.innovation))
+
+
 def weight_of(update: Update) -> float:
     """1, and less for an innovation that no noise makes."""
-    surprise = float(update.innovation @ np.linalg.solve(update.spread, update.innovation))
-    return float(min(1.0, USUAL / max(np.sqrt(surprise / update.innovation.size), 1e-300)))
+    return float(min(1.0, USUAL / max(np.sqrt(surprise_of(update) / update.innovation.size), 1e-300)))

@@ -34,7 +34,11 @@ def address() -> Iterator[str]:
     os.environ["PYTHONPATH"] = paths
     try:
         made = distributed.LocalCluster(
-            n_workers=3, threads_per_worker=2, processes=True, dashboard_address=None, silence_logs=50
+            n_workers=3,
+            threads_per_worker=2,
+            processes=True,
+            dashboard_address="127.0.0.1:0",
+            silence_logs=50,
         )
     finally:
         if before is None:
