@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 from ground.diagnose.candidates import starts_of
 from ground.diagnose.evidence import LocatedForce
 from ground.diagnose.periods import strongest_period, with_periods
+from ground.diagnose.ripple import Ripple
 
 TIMES = np.linspace(0.0, 4.0, 800)
 TO_AND_FRO = 0.3 * np.sin(2.0 * np.pi * TIMES / 4.0) + 0.1 * np.sin(2.0 * np.pi * TIMES / 1.3)
@@ -65,6 +68,15 @@ def test_the_scales_take_the_period_of_their_own_balance_only() -> None:
     found = with_periods(scales, [missing(np.sin(2.0 * np.pi * TO_AND_FRO / 0.1))])
     assert abs(found["balance"]["P"] - 0.1) < 0.01
     assert found["other"] == scales["other"]
+
+
+def test_a_ripple_counts_only_where_it_is_small_beside_the_usual_force() -> None:
+    scales = {"balance": {"X": 0.6, "P": 0.03, "F": 10.0, "A_sin": 0.2, "A_cos": 0.2}}
+    force = missing(np.sin(2.0 * np.pi * TO_AND_FRO / 0.1))
+    small, large = (replace(force, ripple=Ripple(0.02, size, 0.0)) for size in (1.0, 3.0))
+    found = with_periods(scales, [small])["balance"]
+    assert (found["P"], found["A_sin"], found["A_cos"]) == (0.02, 1.0, 0.1)
+    assert with_periods(scales, [large]) == with_periods(scales, [force])
 
 
 def test_a_stretch_is_searched_evenly_and_where_the_catalogue_says() -> None:
