@@ -129,7 +129,7 @@ class Starting:
         found = [(element.strengths, engine.OFF) for element in model.elements]
         found += [(model.strengths.get(name), engine.IDLE) for name in model.memories]
         found += [(model.kinks.get(node), engine.IDLE) for node in self.assembled.kinks]
-        modes = np.zeros((len(values), len(found)), dtype=np.int64)
+        modes = np.zeros((len(values), engine.modes_of(self.assembled.program.layout)), dtype=np.int64)
         for column, (strengths, off) in enumerate(found):
             modes[:, column] = np.where(self._present(values, strengths), 0, off)
         return modes

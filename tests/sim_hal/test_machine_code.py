@@ -34,7 +34,8 @@ print(flight.COMPILED, sim_hal.COMPILED, "machine_code" in flight.monitors.__fil
 """
 
 needs_machine_code = pytest.mark.skipif(
-    not compiled.fits(ROOT / "flight"), reason="there is no machine code of these sources (`hopper compile`)"
+    not all(compiled.fits(ROOT / package) for package in ("flight", "sim_hal")),
+    reason="there is no machine code of these sources (`hopper compile`)",
 )
 
 

@@ -31,6 +31,7 @@ from sim_hal.plant.engine.machine import (
     Schedule,
     columns_of,
     execute_rows,
+    modes_of,
     rows_of,
 )
 from sim_hal.plant.engine.running import integrate
@@ -60,5 +61,6 @@ __all__ = [
     "columns_of",
     "execute_rows",
     "integrate",
+    "modes_of",
     "rows_of",
 ]

@@ -26,6 +26,7 @@ from sim_hal.plant.engine.machine import (
     FOUND,
     HIGH,
     IDLE,
+    JAC,
     LOWER,
     LOWER_SLOPE,
     MEMORY,
@@ -192,7 +193,7 @@ def margins(
 
 
 def memory_trend(tab: Ints1, r: Floats1, q: int, mode: int, w: Floats2, rate: int) -> float:
-    """Rate of a memory's margin while it holds."""
+    """Rate of a memory's margin; while it follows a limit by the derivatives at the step's start."""
     trend = 0.0
     if mode == 0:
         value, lower, upper = r[tab[MEMORY] + q], tab[LOWER] + q, tab[UPPER] + q
@@ -200,7 +201,24 @@ def memory_trend(tab: Ints1, r: Floats1, q: int, mode: int, w: Floats2, rate: in
             trend = -dot(tab, r, tab[LOWER_SLOPE] + q * tab[NS], w, rate)
         else:
             trend = dot(tab, r, tab[UPPER_SLOPE] + q * tab[NS], w, rate)
+    elif mode == 1:
+        trend = bend(tab, r, tab[LOWER_SLOPE] + q * tab[NS], w, rate)
+    elif mode == 2:
+        trend = -bend(tab, r, tab[UPPER_SLOPE] + q * tab[NS], w, rate)
     return trend
+
+
+def bend(tab: Ints1, r: Floats1, place: int, w: Floats2, rate: int) -> float:
+    """Second derivative by time of a limit of which the registers listed from `place` on tell the slopes."""
+    total = 0.0
+    for s in range(tab[NS]):
+        slope = r[tab[place + s]]
+        if slope != 0.0:
+            change = w[JAC + s, tab[NS]]
+            for c in range(tab[NS]):
+                change += w[JAC + s, c] * w[rate, c]
+            total += slope * change
+    return total
 
 
 def copy(w: Floats2, to: int, found: int) -> None:

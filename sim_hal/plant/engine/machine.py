@@ -6,7 +6,8 @@ more than the arithmetic, and minutes of compiling:
 code: the program's instructions. tab: its table, whose first entries are the layout (`tab[NS]` is the number of
 states).
 r: the registers; flags, memories, inputs and friction forces live there. mode: of the friction elements, then of the
-memories (0 holding, 1 at the lower limit, 2 at the upper, 3 idle), then the side of each kink (±1, 0 on it).
+memories (0 holding, 1 at the lower limit, 2 at the upper, 3 idle), then the side of each kink (±1, 0 on it), then
+from and up to which column each row of the derivatives is not 0.
 w: all else, in rows as listed below; (rows, columns), as `rows_of` and `columns_of` say.
 """
 
@@ -16,7 +17,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from sim_hal.plant.native import Floats1, Floats2, Ints2, entry
+from sim_hal.plant.native import Floats1, Floats2, Ints1, Ints2, entry
 from sim_hal.plant.program import OPCODES, Floats, Ints, Layout
 
 OK, NOT_FINITE, STEP_VANISHED, TOO_MANY_STEPS, CHATTER, EMPTY_BAND, NO_GRIP, STOPPED = range(8)
@@ -62,8 +63,7 @@ START, END, HALF, HERE = _places(0, 1, 2, 3)
 LOW, HIGH, BETWEEN, BEFORE = _places(0, 1, 2, 3)
 WHOLE_STEP, HALF_STEP, NO_PROPAGATOR = _places(0, 1, 0)
 LONGEST = 50  # terms of a Taylor series
-SPAN = TERMS + LONGEST  # from where to where each row of the derivatives is not 0
-KEPT = SPAN + 2  # propagators in use, the last one made, step size of each
+KEPT = TERMS + LONGEST  # propagators in use, the last one made, step size of each
 SLOTS = 8
 JAC = (
     KEPT + 1
@@ -76,6 +76,16 @@ def kept_at(ns: int, slot: int) -> int:
     Behind the last slot, SLOTS, is room for what nobody keeps.
     """
     return int(JAC + ns * (1 + 9 * slot))
+
+
+def span_at(tab: Ints1) -> int:
+    """Place in `mode` of where the rows of the derivatives begin; where they end comes behind."""
+    return int(tab[M] + tab[Q] + tab[NW])
+
+
+def modes_of(layout: Layout) -> int:
+    """How many there are in `mode`."""
+    return layout.m + layout.q + layout.nw + 2 * layout.ns
 
 
 def rows_of(layout: Layout) -> int:

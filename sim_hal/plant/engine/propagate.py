@@ -22,16 +22,16 @@ from sim_hal.plant.engine.machine import (
     NS,
     RELATIVE,
     SLOTS,
-    SPAN,
     SPARE,
     TERMS,
     kept_at,
+    span_at,
 )
 from sim_hal.plant.native import Floats2, Ints1
 
 SERIES_REACH = 6.0
 """Size of hL up to which the series is taken."""
-ALIKE, ROUGHLY = 0.02, 0.5
+ALIKE, ROUGHLY = 0.1, 0.5
 """Shares up to which a propagator's matrix is as good as the present one, and up to which it may serve."""
 PHI_TERMS = 13
 PHI_REACH = 0.5
@@ -49,10 +49,10 @@ def strength(w: Floats2, n: int) -> tuple[float, float]:
     return diagonal + np.sqrt(coupled), np.sqrt(swing)
 
 
-def series(tab: Ints1, w: Floats2, h: float) -> int:
+def series(tab: Ints1, mode: Ints1, w: Floats2, h: float) -> int:
     """Taylor coefficients of the increment by θ, in rows from TERMS on; how many, or 0 if they do not end."""
-    n = tab[NS]
-    cut = max(1e-16, 1e-2 * w[CLOCK, RELATIVE])
+    n, spans = tab[NS], span_at(tab)
+    cut = max(1e-16, 1e-1 * w[CLOCK, RELATIVE])
     quiet = 0
     for s in range(n):
         w[TERMS, s] = 0.0
@@ -62,7 +62,7 @@ def series(tab: Ints1, w: Floats2, h: float) -> int:
         share = h / (k + 1)
         for s in range(n):
             total = w[FORCE + k, s] if k < 4 else 0.0
-            for c in range(int(w[SPAN, s]), int(w[SPAN + 1, s])):
+            for c in range(mode[spans + s], mode[spans + n + s]):
                 total += w[JAC + s, c] * w[TERMS + k, c]
             total *= share
             w[TERMS + k + 1, s] = total

@@ -25,7 +25,6 @@ from sim_hal.plant.engine.machine import (
     SEGMENT,
     SLOPE,
     SLOTS,
-    SPAN,
     START_VALUE,
     STATE_AT,
     TIME_AT,
@@ -34,6 +33,7 @@ from sim_hal.plant.engine.machine import (
     M,
     execute,
     kept_at,
+    span_at,
 )
 from sim_hal.plant.native import Floats1, Floats2, Ints1, Ints2
 
@@ -67,11 +67,11 @@ def rates_at(
 def jacobian_at(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2) -> None:
     """Derivatives of the rates where they were just evaluated.
 
-    An entry that is no finite number is left out: the steps that use the matrix do not need it to be exact. Rows SPAN
-    tell from where to where each row is not 0.
+    An entry that is no finite number is left out: the steps that use the matrix do not need it to be exact. `mode`
+    gets from where to where each row is not 0.
     """
     execute(code, tab[DERIVATIVE], tab[CONDITION], r)
-    columns = tab[NS] + 1
+    columns, spans = tab[NS] + 1, span_at(tab)
     for s in range(tab[NS]):
         for c in range(columns):
             known = r[tab[tab[JACOBIAN] + s * columns + c]]
@@ -102,7 +102,7 @@ def jacobian_at(code: Ints2, tab: Ints1, r: Floats1, mode: Ints1, w: Floats2) ->
             first += 1
         while last > first and w[JAC + s, last - 1] == 0.0:
             last -= 1
-        w[SPAN, s], w[SPAN + 1, s] = first, last
+        mode[spans + s], mode[spans + tab[NS] + s] = first, last
 
 
 def hold_still(tab: Ints1, r: Floats1, mode: Ints1, w: Floats2, c: int) -> None:

@@ -187,10 +187,10 @@ def segment(
     at_once = 0  # events in a row without time passing
     careful, whole_from, aim = -np.inf, w[CLOCK, TIME], -np.inf
     status = OK
+    jacobian_at(code, tab, r, mode, w)
     margins(code, tab, r, mode, w, STATE, RATE + START, BEFORE)
     done = emit(code, tab, r, w, samples, done, outputs, states)
     while status == OK and w[CLOCK, TIME] < end:
-        jacobian_at(code, tab, r, mode, w)
         until = min(end, samples[done]) if done < len(samples) else end
         before = w[CLOCK, TIME]
         if until != aim:
@@ -209,6 +209,7 @@ def segment(
             elif stop >= 0 and r[tab[FLAG] + stop] != 0.0:
                 status = STOPPED
         if status == OK and w[CLOCK, TIME] < end:
+            jacobian_at(code, tab, r, mode, w)
             done = emit(code, tab, r, w, samples, done, outputs, states)
     return status, done
 

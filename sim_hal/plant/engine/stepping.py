@@ -40,7 +40,6 @@ from sim_hal.plant.engine.machine import (
     RATE,
     RELATIVE,
     SCALE,
-    SPAN,
     SPARE,
     START,
     STATE,
@@ -54,6 +53,7 @@ from sim_hal.plant.engine.machine import (
     WHOLE_STEP,
     M,
     Q,
+    span_at,
 )
 from sim_hal.plant.engine.propagate import ALIKE, ROUGHLY, along, find, same, series, weigh
 from sim_hal.plant.engine.rates import rates_at
@@ -103,7 +103,7 @@ def go_to(
     matrix: int,
 ) -> bool:
     """Add row CHANGE to the state: point and rates (rows `look`) there, and D in its place. False: no grip."""
-    n = tab[NS]
+    n, spans = tab[NS], span_at(tab)
     for s in range(n):
         w[POINT + look, s] = w[STATE, s] + w[CHANGE, s]
     held = rates_at(code, tab, r, mode, w, at, POINT + look, RATE + look)
@@ -111,8 +111,8 @@ def go_to(
         w[SPARE, s] = w[CHANGE, s]
     for s in range(n):
         total = w[RATE + look, s] - w[FORCE, s] - w[FORCE + 1, s] * share
-        first = int(w[SPAN, s]) if matrix == JAC else 0
-        last = int(w[SPAN + 1, s]) if matrix == JAC else n
+        first = mode[spans + s] if matrix == JAC else 0
+        last = mode[spans + n + s] if matrix == JAC else n
         for c in range(first, last):
             total -= w[matrix + s, c] * w[SPARE, c]
         w[CHANGE, s] = total
@@ -153,7 +153,7 @@ def linear(
                 slope += (w[JAC + s, c] - w[place + s, c]) * w[RATE + START, c]
         w[FORCE + 1, s] = h * slope
         w[FORCE + 2, s] = w[FORCE + 3, s] = 0.0
-    terms = series(tab, w, h) if place == 0 else 0
+    terms = series(tab, mode, w, h) if place == 0 else 0
     held = reach(code, tab, r, mode, w, h, place, WHOLE_STEP, 2, terms)
     error = error_of(tab, w, h, place, POINT + END)
     return error if held and place + terms > 0 else np.nan, terms
@@ -174,7 +174,7 @@ def cubic(
             w[FORCE + 3, s] = 2.0 * w[DEFECT, s] - 8.0 * w[DEFECT + 1, s]
             w[POINT + HERE, s] = w[DEFECT, s]
         if place == 0:
-            terms = series(tab, w, h)
+            terms = series(tab, mode, w, h)
         if not (held and place + terms > 0 and reach(code, tab, r, mode, w, h, place, WHOLE_STEP, 4, terms)):
             return np.nan, terms
         for s in range(n):
@@ -212,7 +212,9 @@ def try_step(
                 error, share, wanted = 0.0, event, w[CLOCK, WANTED]
                 break
         error, terms = cubic(code, tab, r, mode, w, h, place, terms)
-        wanted = h * (min(5.0, max(0.2, 0.8 * max(error, 1e-4) ** -0.25)) if np.isfinite(error) else 0.1)
+        wanted = h * (
+            min(5.0, max(0.2, 0.8 / np.sqrt(np.sqrt(max(error, 1e-4))))) if np.isfinite(error) else 0.1
+        )
         if not error <= 1.0:
             wanted = max(wanted, NEARLY * event * h if event < 1.0 else 0.0)
         if error <= 1.0 or not stiff or same(w, tab[NS], place, h, ALIKE):
@@ -366,8 +368,8 @@ def locate(
 ) -> float:
     """Share of the step at which the first thing happens, given one by which something has.
 
-    Each look is a little to the far side of where a cubic says, so that both ends close in. Point, rates (rows HERE),
-    registers and margins (rows HIGH) are left as they are just behind it.
+    Each look is a little to the far side of where a cubic says, so that both ends close in, or just behind where it
+    is known to happen. Point, rates (rows HERE), registers and margins (rows HIGH) are left as they are there.
     """
     low, high = 0.0, share
     copy(w, LOW, BEFORE)
@@ -381,8 +383,8 @@ def locate(
         middle = 0.5 * (low + high)
         if count % 6 != 5:
             middle, known = guess(tab, r, mode, w, h, terms, low, high)
-            far = max(least, 0.0 if known else 1e-5 * min(middle - low, high - middle))
-            middle += far if middle - low < high - middle else -far
+            far = max(2.0 * least, 0.0 if known else 1e-5 * min(middle - low, high - middle))
+            middle += far if known or middle - low < high - middle else -far
             middle = min(max(middle, low + 0.5 * least), high - 0.5 * least)
         if not low < middle < high:
             break
