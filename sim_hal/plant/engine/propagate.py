@@ -29,9 +29,9 @@ from sim_hal.plant.engine.machine import (
 )
 from sim_hal.plant.native import Floats2, Ints1
 
-SERIES_REACH = 6.0
+SERIES_REACH = 8.0
 """Size of hL up to which the series is taken."""
-ALIKE, ROUGHLY = 0.1, 0.5
+ALIKE, ROUGHLY = 0.3, 0.5
 """Shares up to which a propagator's matrix is as good as the present one, and up to which it may serve."""
 PHI_TERMS = 13
 PHI_REACH = 0.5
@@ -52,26 +52,30 @@ def strength(w: Floats2, n: int) -> tuple[float, float]:
 def series(tab: Ints1, mode: Ints1, w: Floats2, h: float) -> int:
     """Taylor coefficients of the increment by θ, in rows from TERMS on; how many, or 0 if they do not end."""
     n, spans = tab[NS], span_at(tab)
-    cut = max(1e-16, 1e-1 * w[CLOCK, RELATIVE])
-    quiet = 0
+    cut = max(1e-16, 1e-2 * w[CLOCK, RELATIVE])
     for s in range(n):
         w[TERMS, s] = 0.0
         w[TERMS + 1, s] = h * w[FORCE, s]
-    for k in range(1, LONGEST - 1):
-        small = k > 3
-        share = h / (k + 1)
+    for k in range(1, 4):
         for s in range(n):
-            total = w[FORCE + k, s] if k < 4 else 0.0
+            total = w[FORCE + k, s]
+            for c in range(mode[spans + s], mode[spans + n + s]):
+                total += w[JAC + s, c] * w[TERMS + k, c]
+            w[TERMS + k + 1, s] = total * (h / (k + 1))
+    for s in range(n):
+        largest = max(abs(w[TERMS + 1, s]), abs(w[TERMS + 2, s]), abs(w[TERMS + 3, s]))
+        w[SPARE, s] = cut * largest + 1e-4 * w[CLOCK, ABSOLUTE]
+    quiet = 0
+    for k in range(4, LONGEST - 1):
+        share, spare = h / (k + 1), 1.0
+        for s in range(n):
+            total = 0.0
             for c in range(mode[spans + s], mode[spans + n + s]):
                 total += w[JAC + s, c] * w[TERMS + k, c]
             total *= share
             w[TERMS + k + 1, s] = total
-            small = small and abs(total) <= w[SPARE, s]
-        if k == 3:
-            for s in range(n):
-                largest = max(abs(w[TERMS + 1, s]), abs(w[TERMS + 2, s]), abs(w[TERMS + 3, s]))
-                w[SPARE, s] = cut * largest + 1e-4 * w[CLOCK, ABSOLUTE]
-        quiet = quiet + 1 if small else 0
+            spare = min(spare, w[SPARE, s] - abs(total))
+        quiet = quiet + 1 if spare >= 0.0 else 0
         if quiet == 2:
             return k + 2
     return 0

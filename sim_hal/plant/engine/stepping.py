@@ -358,7 +358,7 @@ def turn(tab: Ints1, r: Floats1, w: Floats2, terms: int, j: int, x: float) -> fl
         value = value * x + relative_velocity(tab, r, j, w, STATE)
         step = value / slope if slope != 0.0 else 0.0
         x -= step
-        if abs(step) <= 1e-15:
+        if abs(step) <= 1e-8:  # and the next one as its square
             break
     return x
 
