@@ -56,8 +56,8 @@ def main() -> None:
     if given.json:
         write_atomic(given.json, json.dumps({"figures": figures}, indent=1) + "\n")
     for name, figure in figures.items():
-        if "over_" in name:
-            print(f"{name}: {figure['value']:.3f}")
+        if "over_" in name and figure["value"] is not None:
+            print(f"{name}: {figure['value']:.3f} ({figure['low']:.2f} to {figure['high']:.2f})")
 
 
 def progress(label: str) -> Callable[[str], None]:

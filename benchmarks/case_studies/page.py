@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.case_studies.run import BLACK_BOX, FOUND, PHYSICAL, REFIT, Result
+from benchmarks.case_studies.rivalry import comparison, overview, pooled, ratios
+from benchmarks.case_studies.run import FOUND, REFIT, Result
 from benchmarks.case_studies.scores import Score
 from benchmarks.case_studies.study import Study
 from benchmarks.case_studies.svg import plot
@@ -110,30 +111,6 @@ def cell(score: Score | None) -> str:
     return str(score) if np.isfinite(score.value) else "runs away"
 
 
-def ratios(result: Result) -> dict[str, float]:
-    """Windowed error of what was found over that of the best physical rival and of the black box, channels pooled."""
-
-    def pooled(model: str) -> float:
-        own = result.windowed[FOUND]
-        return float(np.sqrt(np.mean([(result.windowed[model][c].value / own[c].value) ** 2 for c in own])))
-
-    rivals = [pooled(model) for model in PHYSICAL if model in result.windowed]
-    found = {"over_best_physical_rival": 1.0 / min(rivals)}
-    if BLACK_BOX in result.windowed:
-        found["over_black_box"] = 1.0 / pooled(BLACK_BOX)
-    return found
-
-
-def comparison(result: Result) -> str:
-    """The targets in words."""
-    found = ratios(result)
-    times = f"{found['over_best_physical_rival']:.2f} times as much as its best physical rival"
-    text = f"By windows, what was found errs {times}"
-    if "over_black_box" in found:
-        return f"{text}, {found['over_black_box']:.2f} times as much as the black box."
-    return f"{text}; no black box of those tried stays bounded."
-
-
 def pictures(path: Path, name: str, result: Result) -> list[str]:
     """A held-out window, and the missing force before and after."""
     lines = []
@@ -184,31 +161,6 @@ def open_section(result: Result) -> list[str]:
     return [*lines, ""]
 
 
-def overview(results: Sequence[Result]) -> list[str]:
-    """A line for each group."""
-    lines = [
-        "## All of them",
-        "",
-        "| | verdict | found | rms refitted | rms found |",
-        "| --- | --- | --- | --- | --- |",
-    ]
-    for result in results:
-        names = "; ".join(
-            f"{f['physics_id'].replace('_', ' ')} {f['probability']:.2f}"
-            + "".join(
-                f", {k} = {p['value']:.3g} ± {p['std']:.1g} {p['unit']}"
-                for k, p in f["parameters"].items()
-                if p["std"]
-            )
-            for f in result.diagnosis["findings"]
-        )
-        scores = [next(iter(result.windowed[m].values())) for m in ("its parameters refitted", FOUND)]
-        lines.append(
-            f"| {result.label} | {result.diagnosis['verdict']} | {names or '–'} | {scores[0]} | {scores[1]} |"
-        )
-    return [*lines, ""]
-
-
 def data_section(result: Result) -> str:
     """Which recordings were fitted and held out."""
     split = result.diagnosis["recordings"]
@@ -228,7 +180,9 @@ def figures_of(results: Sequence[Result]) -> dict[str, Any]:
                     found[key] = figure(score, channel_unit(channel))
         for model, score in result.force.items():
             found[f"{prefix}force.{model.replace(' ', '_')}"] = figure(score, result.force_unit)
-        found |= {f"{prefix}{key}": {"value": value, "unit": "1"} for key, value in ratios(result).items()}
+        found |= {f"{prefix}{key}": figure(score, "1") for key, score in ratios(result).items()}
+    if len(results) > 1:
+        found |= {f"all together.{key}": figure(score, "1") for key, score in pooled(results).items()}
     return found
 
 

@@ -7,7 +7,7 @@ a free run goes from the start of a held-out recording to its end.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,13 @@ BLOCKS = 20
 
 @dataclass(frozen=True)
 class Score:
-    """A root mean square error with its 90 % interval."""
+    """A root mean square error with its 90 % interval, and the sums of squares and counts of the blocks it is of."""
 
     value: float
     low: float
     high: float
+    sums: Float = field(default_factory=lambda: np.empty(0), repr=False, compare=False)
+    counts: Float = field(default_factory=lambda: np.empty(0), repr=False, compare=False)
 
     def __str__(self) -> str:
         return f"{self.value:.3g} ({self.low:.2g} to {self.high:.2g})"
@@ -78,12 +80,32 @@ def scored(errors: Sequence[Float], column: int, parts: int = 1) -> Score:
     counts = np.array([np.sum(~np.isnan(block)) for block in blocks], dtype=float)
     sums, counts = sums[counts > 0], counts[counts > 0]
     if not np.isfinite(sums).all():
-        return Score(np.inf, np.inf, np.inf)
-    generator = np.random.Generator(np.random.PCG64(0))
-    picks = generator.integers(0, sums.size, (DRAWS, sums.size))
+        return Score(np.inf, np.inf, np.inf, sums, counts)
+    picks = drawn_blocks(sums.size)
     drawn = np.sqrt(sums[picks].sum(axis=1) / counts[picks].sum(axis=1))
     low, high = np.quantile(drawn, LEVEL)
-    return Score(float(np.sqrt(sums.sum() / counts.sum())), float(low), float(high))
+    return Score(float(np.sqrt(sums.sum() / counts.sum())), float(low), float(high), sums, counts)
+
+
+def drawn_blocks(count: int) -> NDArray[np.int64]:
+    """Draws (DRAWS, count) of blocks for a bootstrap, the same for all models: ratios are of the same blocks."""
+    return np.random.Generator(np.random.PCG64(0)).integers(0, count, (DRAWS, count))
+
+
+def ratio(own: Sequence[Float], other: Sequence[Float]) -> Score:
+    """Error over another model's, by the sums of squares in each block, (blocks,) for each channel.
+
+    Channels count alike. A model that ran away has infinite sums, and errs infinitely more.
+    """
+    drawn, values = [], []
+    for mine, theirs in zip(own, other, strict=True):
+        picks = drawn_blocks(mine.size)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            drawn.append(theirs[picks].sum(axis=1) / mine[picks].sum(axis=1))
+            values.append(theirs.sum() / mine.sum())
+    with np.errstate(invalid="ignore", divide="ignore"):
+        low, high = np.quantile(1.0 / np.sqrt(np.mean(drawn, axis=0)), LEVEL)
+        return Score(float(1.0 / np.sqrt(np.mean(values))), float(low), float(high))
 
 
 def blocks_of(windows: Sequence[Segment]) -> int:
