@@ -6,6 +6,7 @@ import numpy as np
 
 from sim_hal.plant.engine.events import apply_events, copy, dip, keep_memories, margins, settle, take_sides
 from sim_hal.plant.engine.friction import add_force, grip, relative_velocity
+from sim_hal.plant.engine.locating import hits, locate
 from sim_hal.plant.engine.machine import (
     BEFORE,
     BETWEEN,
@@ -49,7 +50,7 @@ from sim_hal.plant.engine.machine import (
 )
 from sim_hal.plant.engine.propagate import SERIES_REACH, strength
 from sim_hal.plant.engine.rates import jacobian_at, rates_at
-from sim_hal.plant.engine.stepping import AGAIN, hits, locate, try_step
+from sim_hal.plant.engine.stepping import AGAIN, try_step
 from sim_hal.plant.native import Floats1, Floats2, Floats3, Ints1, Ints2, entry
 
 SWING = 0.8
