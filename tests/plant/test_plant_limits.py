@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from plant_helpers import block, hop_run, plant_of, pushed, shipped, simulate, use_of
 
-from sim_hal.plant.engine import Limits
-from sim_hal.plant.simulate import PlantError, Run, SimulationError, catalogue, compile_plant
+from sim_hal.plant.engine import CLOCK, STEPS, Limits
+from sim_hal.plant.simulate import Plant, PlantError, Run, SimulationError, catalogue, compile_plant
 
 TIMES = np.arange(0.0, 0.3, 0.003)
 DRIVE = Run(TIMES, {"motor_voltage_v": np.full(TIMES.shape, 9.0)})
@@ -145,3 +145,18 @@ def test_weak_effects_are_close_to_none() -> None:
         weak = simulate(plant.with_effect(use_of(plant, physics_id, effect.equation, values)), run)
         for channel, reading in nominal.items():
             assert np.allclose(weak[channel], reading, rtol=0, atol=1e-3 * np.ptp(reading)), physics_id
+
+
+def steps_of(plant: Plant, run: Run) -> float:
+    """Steps that the integrator tried."""
+    compiled = compile_plant(plant)
+    machine = compiled.machine(compiled.values, run)
+    compiled.follow(machine, compiled._plan(run, run.times_s))
+    return float(machine.starts[0, CLOCK, STEPS])
+
+
+def test_a_drag_that_sets_in_at_rest_takes_no_tiny_steps() -> None:
+    """The leg rests where the lock opens, and the drag acts from there on: no jump just behind the start of a step."""
+    plant, run = shipped("bb0b_hop"), hop_run(TIMES)
+    dragged = plant.with_effect(use_of(plant, "latch_drag", "latch", {"F_d": 25.0, "t_f": 0.012}))
+    assert steps_of(dragged, run) < 1.2 * steps_of(plant, run)
