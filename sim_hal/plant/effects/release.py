@@ -34,7 +34,8 @@ LATCH_DRAG = Effect(
                 EffectParameter("F_d", "N", "5", "0", "500", strength=True, least=0.0),
                 EffectParameter("t_f", "s", "0.01", "0.0005", "0.1", above=0.0),
             ),
-            # v is the compression's rate: the drag acts only while the leg extends, and where it is about to (v = 0).
+            # v is the compression's rate: the drag acts only while the leg extends, or rests and is about to: a force
+            # that jumps just behind the start of a step costs many tiny ones.
             force="where(opened and v <= 0, F_d * max(0, 1 - since(opened) / t_f), 0)",
             needs=("opened",),
         ),
