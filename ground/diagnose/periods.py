@@ -11,13 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.diagnose.evidence import LocatedForce
+from ground.diagnose.ripple import CYCLE_STEP, LEAST_CYCLES
 
 Float = NDArray[np.float64]
 
-CYCLE_STEP = 0.25
-"""Spacing of the periods tried, in cycles over the travel: no peak of the spectrum is narrower than one."""
-LEAST_CYCLES = 2.0
-"""What is not seen to repeat along the travel is no ripple, but some smooth law."""
 MOST_SIZE = 0.2
 """Of the typical force: what asks for more is no ripple beside it, but a start or a stop of the motion."""
 LEAST_PART = 0.1

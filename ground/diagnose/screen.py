@@ -171,9 +171,8 @@ def trial_job(context: Context, task: tuple[Fit, Promise]) -> Promise:
     problem = FitProblem(plant, context.segments, context.sigmas, ranges)
     best = replace(promise, gain=0.0, values=fit.values)
     tried = [(share, share * promise.step) for share in SHARES]
-    if (
-        len(candidate.own_strengths) > 1
-    ):  # their proportions, too, are as the start has them, if the line errs
+    # Where there are several strengths, the line may err in their proportions: those of the start as well.
+    if len(candidate.own_strengths) > 1:
         tried.append((0.0, np.ones(promise.step.size)))
     for share, steps in tried:
         values = {name: old + share * (promise.values[name] - old) for name, old in fit.values.items()}
