@@ -56,8 +56,12 @@ def main() -> None:
     if given.json:
         write_atomic(given.json, json.dumps({"figures": figures}, indent=1) + "\n")
     for name, figure in figures.items():
-        if "over_" in name and figure["value"] is not None:
-            print(f"{name}: {figure['value']:.3f} ({figure['low']:.2f} to {figure['high']:.2f})")
+        if "over_" in name:
+            value, low, high = (
+                "no bound" if figure[key] is None else f"{figure[key]:.3g}"
+                for key in ("value", "low", "high")
+            )
+            print(f"{name}: {value} ({low} to {high})")
 
 
 def progress(label: str) -> Callable[[str], None]:

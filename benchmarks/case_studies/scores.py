@@ -27,13 +27,12 @@ BLOCKS = 20
 
 @dataclass(frozen=True)
 class Score:
-    """A root mean square error with its 90 % interval, and the sums of squares and counts of the blocks it is of."""
+    """A root mean square error with its 90 % interval, and the sums of squares of the blocks it is of."""
 
     value: float
     low: float
     high: float
     sums: Float = field(default_factory=lambda: np.empty(0), repr=False, compare=False)
-    counts: Float = field(default_factory=lambda: np.empty(0), repr=False, compare=False)
 
     def __str__(self) -> str:
         return f"{self.value:.3g} ({self.low:.2g} to {self.high:.2g})"
@@ -80,11 +79,11 @@ def scored(errors: Sequence[Float], column: int, parts: int = 1) -> Score:
     counts = np.array([np.sum(~np.isnan(block)) for block in blocks], dtype=float)
     sums, counts = sums[counts > 0], counts[counts > 0]
     if not np.isfinite(sums).all():
-        return Score(np.inf, np.inf, np.inf, sums, counts)
+        return Score(np.inf, np.inf, np.inf, sums)
     picks = drawn_blocks(sums.size)
     drawn = np.sqrt(sums[picks].sum(axis=1) / counts[picks].sum(axis=1))
     low, high = np.quantile(drawn, LEVEL)
-    return Score(float(np.sqrt(sums.sum() / counts.sum())), float(low), float(high), sums, counts)
+    return Score(float(np.sqrt(sums.sum() / counts.sum())), float(low), float(high), sums)
 
 
 def drawn_blocks(count: int) -> NDArray[np.int64]:
